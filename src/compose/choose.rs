@@ -1,0 +1,284 @@
+//! Which method, form, radius and step multiplier an orbit gets: what its file or the command line fixes, else by the
+//! design's rules and two measurements in f64, growth far out and extent.
+
+use super::orbit::{compose_growth, scalar_rules, steps_of};
+use super::{ComposeResult, Composer, FieldOrbit, Purpose, compose_estimator, field_orbits};
+use crate::formula::step::{Growth, ScalarRule};
+use crate::graph::{DeForm, EstimateSettings, Method, NodeKind, NodeRef, Primitive};
+use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::{Backend, Kernel};
+
+/// How distances are estimated from one orbit.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Choice {
+    /// Method.
+    pub method: Method,
+    /// Form.
+    pub form: DeForm,
+    /// Radius of the linear form, in the orbit's final frame.
+    pub radius: f64,
+    /// Step multiplier.
+    pub fudge: f64,
+    /// Whether the orbit can be differentiated; normals need finite differences where it cannot.
+    pub differentiable: bool,
+    /// Methods that apply.
+    pub applicable: Vec<Method>,
+    /// Why this method and form.
+    pub reason: String,
+}
+
+/// Choices for all orbits of a field, and its extent.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Plan {
+    /// One for each of [`field_orbits`].
+    pub choices: Vec<Choice>,
+    /// Radius of a ball around the world's origin that holds everything drawn.
+    pub bounding_radius: f64,
+    /// Step multiplier of the whole field.
+    pub fudge: f64,
+    /// What a user should know, for example that a method that was asked for does not apply.
+    pub warnings: Vec<String>,
+}
+
+/// Makes the choices. `wanted` overrides what files fix.
+pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<Plan> {
+    let orbits = field_orbits(composer);
+    let mut warnings = Vec::new();
+    let mut choices = Vec::new();
+    for orbit in &orbits {
+        let settings = merge(wanted, &orbit.settings.estimate);
+        choices.push(choose_orbit(composer, orbit, &settings, &mut warnings)?);
+    }
+    let mut radii = Vec::new();
+    for (i, (orbit, choice)) in orbits.iter().zip(&mut choices).enumerate() {
+        let extent = measure_extent(composer, orbit)?;
+        let fixed = merge(wanted, &orbit.settings.estimate).radius;
+        if choice.form == DeForm::Linear {
+            // Beyond half the escape radius the form would say 0 right where orbits escape.
+            choice.radius = fixed.unwrap_or_else(|| extent.min(orbit.settings.escape_radius * 0.5));
+        }
+        radii.push((i, orbit.frame.reach(extent)));
+    }
+    let bounding_radius = match composer.graph.bounding_radius {
+        Some(radius) => radius,
+        None => field_reach(composer, &orbits, &radii),
+    };
+    let fudge = wanted.fudge.unwrap_or_else(|| choices.iter().map(|c| c.fudge).fold(1.0, f64::min));
+    Ok(Plan { choices, bounding_radius, fudge, warnings })
+}
+
+fn merge(wanted: &EstimateSettings, file: &EstimateSettings) -> EstimateSettings {
+    EstimateSettings {
+        method: wanted.method.or(file.method),
+        form: wanted.form.or(file.form),
+        radius: wanted.radius.or(file.radius),
+        fudge: wanted.fudge.or(file.fudge),
+    }
+}
+
+fn choose_orbit(
+    composer: &Composer,
+    orbit: &FieldOrbit,
+    settings: &EstimateSettings,
+    warnings: &mut Vec<String>,
+) -> ComposeResult<Choice> {
+    let mut roots = vec![orbit.root];
+    roots.extend(orbit.settings.pre.iter().chain(&orbit.settings.post));
+    let steps: Vec<_> = roots.iter().flat_map(|root| steps_of(composer, *root)).collect();
+    let blocking = steps.iter().find(|s| !s.differentiable).map(|s| s.name.clone());
+    let rules: Option<Vec<ScalarRule>> = roots.iter().map(|root| scalar_rules(composer, *root)).collect();
+    let exact = rules.as_ref().is_some_and(|r| !r.contains(&ScalarRule::Heuristic));
+    let has_power = steps.iter().any(|s| s.growth == Some(Growth::Power));
+    let has_linear = steps.iter().any(|s| s.growth == Some(Growth::Linear));
+    let applicable: Vec<Method> = Method::ALL
+        .into_iter()
+        .filter(|method| match method {
+            Method::Scalar => rules.is_some(),
+            Method::Gradient => blocking.is_none(),
+            Method::Combined => rules.is_some() && blocking.is_none(),
+            Method::Delta => true,
+        })
+        .collect();
+    let (method, mut reason) = match (&blocking, rules.is_some()) {
+        (Some(step), _) => (Method::Delta, format!("the step `{step}` cannot be differentiated, so finite differences are taken")),
+        (None, false) => (Method::Gradient, "not every step states a scalar rule".to_string()),
+        (None, true) if exact && !has_power => (Method::Scalar, "every step's scalar rule is exact".to_string()),
+        (None, true) if has_power && !has_linear && !is_mixed(&steps) => {
+            (Method::Gradient, "a power alone: the exact gradient takes the fewest steps".to_string())
+        }
+        _ => (Method::Combined, "a hybrid: the smaller of the scalar rule and the exact gradient".to_string()),
+    };
+    let mut method = method;
+    if let Some(wanted) = settings.method {
+        if applicable.contains(&wanted) {
+            method = wanted;
+            reason = "as asked".to_string();
+        } else {
+            let why = match &blocking {
+                Some(step) if wanted != Method::Scalar => format!("the step `{step}` cannot be differentiated"),
+                _ => "not every step states a scalar rule".to_string(),
+            };
+            warnings.push(format!("the method `{}` does not apply: {why}; using `{}`", wanted.name(), method.name()));
+        }
+    }
+    let form = match settings.form {
+        Some(form) => form,
+        None => {
+            let (form, evidence) = measure_form(composer, orbit)?;
+            reason = format!("{reason}; {evidence}");
+            form
+        }
+    };
+    let default_fudge = if method == Method::Delta { 0.7 } else { 1.0 };
+    Ok(Choice {
+        method,
+        form,
+        radius: settings.radius.unwrap_or(0.0),
+        fudge: settings.fudge.unwrap_or(default_fudge),
+        differentiable: blocking.is_none(),
+        applicable,
+        reason,
+    })
+}
+
+/// True where folds take part beside the powers.
+fn is_mixed(steps: &[&crate::formula::step::Step]) -> bool {
+    steps.iter().any(|s| s.group == "fold")
+}
+
+/// Unit vectors spread evenly over the sphere (Fibonacci lattice), turned by `turn`.
+fn directions(count: usize, turn: f64) -> Vec<[f64; 3]> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    (0..count)
+        .map(|i| {
+            let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+            let ring = (1.0 - z * z).sqrt();
+            let angle = golden * i as f64 + turn;
+            [ring * angle.cos(), ring * angle.sin(), z]
+        })
+        .collect()
+}
+
+/// The form that the growth of r over one cycle calls for: a constant ratio is linear, a growing one logarithmic.
+fn measure_form(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<(DeForm, String)> {
+    let function = compose_growth(composer, orbit.root, &orbit.settings)?;
+    let width = composer.graph.state_width(orbit.root) as usize;
+    let cpu = Cpu::new(Precision::F64);
+    let points = directions(64, 0.3);
+    let radius_after = |scale: f64| -> Vec<f64> {
+        let columns: Vec<Vec<f64>> =
+            (0..width).map(|i| points.iter().map(|p| p.get(i).copied().unwrap_or(0.4) * scale).collect()).collect();
+        run_f64(&cpu, composer, &Kernel::Map(function.clone()), &columns).swap_remove(0)
+    };
+    let (near, far): (f64, f64) = (1e3, 1e4);
+    let mut exponents: Vec<f64> = radius_after(near)
+        .into_iter()
+        .zip(radius_after(far))
+        .map(|(a, b)| (b / a).ln() / (far / near).ln())
+        .map(|e| if e.is_finite() { e } else { f64::MAX })
+        .collect();
+    exponents.sort_by(f64::total_cmp);
+    let exponent = exponents[exponents.len() / 2];
+    Ok(if exponent > 1.05 {
+        let shown = if exponent == f64::MAX { "a high power".to_string() } else { format!("power {exponent:.2}") };
+        (DeForm::Logarithmic, format!("far out r grows by {shown} a cycle"))
+    } else {
+        (DeForm::Linear, "far out r grows by a constant factor a cycle".to_string())
+    })
+}
+
+/// Runs a kernel on the reference back end, which cannot fail.
+pub(crate) fn run_f64(cpu: &Cpu, composer: &Composer, kernel: &Kernel, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let prepared = cpu.prepare(composer.arena, kernel).expect("the CPU takes every kernel");
+    let columns = cpu.upload(columns).expect("the CPU holds every column");
+    let result = cpu.run(&prepared, &[&columns]).expect("the CPU runs every kernel");
+    cpu.download(&result).expect("the CPU holds every column")
+}
+
+/// Radius of a ball around the orbit's own origin that holds every point whose orbit is still in after a few iterations:
+/// an outer bound of the set, found by trying points on spheres from outside inwards.
+fn measure_extent(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<f64> {
+    let mut probe = orbit.clone();
+    probe.frame = super::placement::Frame::default();
+    let choice = Choice {
+        method: Method::Delta,
+        form: DeForm::Linear,
+        radius: 0.0,
+        fudge: 1.0,
+        differentiable: false,
+        applicable: Vec::new(),
+        reason: String::new(),
+    };
+    let mut best = f64::MAX;
+    // Few iterations leave the set thick enough for samples to hit, many leave it tight: the smallest hit ball wins.
+    for iterations in [4, 7, 11, 16] {
+        if iterations > orbit.settings.max_iterations && best != f64::MAX {
+            break;
+        }
+        let limit = iterations.min(orbit.settings.max_iterations).max(1);
+        let settings = crate::graph::OrbitSettings { max_iterations: limit, ..orbit.settings.clone() };
+        let membership = super::orbit::compose_membership(composer, orbit.root, &settings, &choice)?;
+        let cpu = Cpu::new(Precision::F64);
+        let found = outermost_member(&cpu, composer, &membership);
+        let Some(found) = found else { break };
+        best = best.min(found);
+    }
+    Ok(if best == f64::MAX { 2.0 } else { best })
+}
+
+/// The largest sampled radius with a point inside, one sampling step further out.
+fn outermost_member(cpu: &Cpu, composer: &Composer, membership: &Kernel) -> Option<f64> {
+    let ratio: f64 = 1.08;
+    let mut radius = 40.0;
+    for shell in 0..90 {
+        let points = directions(600, f64::from(shell));
+        let mut columns: Vec<Vec<f64>> = (0..3).map(|i| points.iter().map(|p| p[i] * radius).collect()).collect();
+        columns.push(vec![1e-4; points.len()]);
+        columns.push(vec![0.0; points.len()]);
+        let inside = run_f64(cpu, composer, membership, &columns).swap_remove(0);
+        if inside.iter().any(|&i| i > 0.5) {
+            return Some(radius * ratio * ratio);
+        }
+        radius /= ratio;
+    }
+    None
+}
+
+/// Radius of a ball around the world's origin that holds the output. Unbounded primitives are cut to the rest's size.
+fn field_reach(composer: &Composer, orbits: &[FieldOrbit], radii: &[(usize, f64)]) -> f64 {
+    let of_orbits = radii.iter().map(|(_, reach)| *reach).fold(0.0, f64::max);
+    let _ = orbits;
+    let mut of_primitives: f64 = 0.0;
+    let mut stack = vec![(composer.graph.output, super::placement::Frame::default())];
+    while let Some((node, frame)) = stack.pop() {
+        match &composer.graph.node(node).kind {
+            NodeKind::Primitive(primitive) => {
+                if let Some(reach) = primitive_reach(primitive) {
+                    of_primitives = of_primitives.max(frame.reach(reach));
+                }
+            }
+            NodeKind::Transform { of, placement } => stack.push((*of, frame.inside(*placement))),
+            NodeKind::Orbit { .. } => {}
+            kind => stack.extend(kind.wires().into_iter().map(|wire: NodeRef| (wire, frame.clone()))),
+        }
+    }
+    let reach = of_orbits.max(of_primitives);
+    if reach == 0.0 { 10.0 } else { reach }
+}
+
+/// Farthest point of a primitive from its frame's origin; `None` where there is none.
+fn primitive_reach(primitive: &Primitive) -> Option<f64> {
+    let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    match *primitive {
+        Primitive::Sphere { centre, radius, .. } => Some(length(centre) + radius),
+        Primitive::Box { centre, half_size } => Some(length(centre) + length(half_size)),
+        Primitive::Torus { centre, major, minor } => Some(length(centre) + major + minor),
+        Primitive::Cylinder { centre, radius, half_height } => Some(length(centre) + radius.hypot(half_height)),
+        Primitive::Plane { .. } => None,
+    }
+}
+
+/// The estimator of a purpose with given choices, as a kernel.
+pub fn estimate_kernel(composer: &Composer, choices: &[Choice], purpose: Purpose) -> ComposeResult<Kernel> {
+    Ok(Kernel::Estimate(compose_estimator(composer, choices, purpose)?))
+}

@@ -1,0 +1,258 @@
+//! Distance fields: orbits, primitives and their combinations, joined into one estimator.
+
+use super::orbit::compose_orbit;
+use super::placement::Frame;
+use super::{Choice, ComposeResult, Composer, Purpose};
+use crate::expr::{Differentiator, Expr, Function, Port, Type};
+use crate::graph::{NodeKind, NodeRef, OrbitSettings, Primitive, SphereForm};
+use crate::kernel::Estimator;
+
+/// An orbit of the field, and where it stands.
+#[derive(Clone)]
+pub struct FieldOrbit {
+    /// The orbit node.
+    pub node: NodeRef,
+    /// The map that it iterates.
+    pub root: NodeRef,
+    /// How.
+    pub settings: OrbitSettings,
+    /// Its own frame.
+    pub frame: Frame,
+}
+
+/// All orbits of the graph's output, each once for every frame that it stands in.
+pub fn field_orbits(composer: &Composer) -> Vec<FieldOrbit> {
+    let mut orbits = Vec::new();
+    collect(composer, composer.graph.output, &Frame::default(), &mut orbits);
+    orbits
+}
+
+fn collect(composer: &Composer, node: NodeRef, frame: &Frame, orbits: &mut Vec<FieldOrbit>) {
+    match &composer.graph.node(node).kind {
+        NodeKind::Orbit { of, settings } => {
+            if !orbits.iter().any(|o| o.node == node && o.frame == *frame) {
+                orbits.push(FieldOrbit { node, root: *of, settings: (**settings).clone(), frame: frame.clone() });
+            }
+        }
+        NodeKind::Transform { of, placement } => collect(composer, *of, &frame.inside(*placement), orbits),
+        kind if !kind.is_map() => {
+            for wire in kind.wires() {
+                collect(composer, wire, frame, orbits);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Builds the estimator of the whole field. `choices` has one entry for each of [`field_orbits`].
+pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpose) -> ComposeResult<Estimator> {
+    let specs = field_orbits(composer);
+    let mut orbits = Vec::new();
+    for (i, (spec, choice)) in specs.iter().zip(choices).enumerate() {
+        let name = format!("orbit_{i}");
+        orbits.push(compose_orbit(composer, name, spec.root, &spec.settings, &spec.frame, choice, purpose)?);
+    }
+    let mut inputs = Estimator::inputs();
+    let mut leaves = Vec::new();
+    for orbit in &orbits {
+        let mut input = |port: Port| {
+            inputs.push(port.clone());
+            composer.arena.input((inputs.len() - 1) as u16, port.ty)
+        };
+        let outputs: Vec<Expr> = orbit
+            .finish
+            .output_ports()
+            .into_iter()
+            .map(|port| input(Port::new(format!("{}_{}", orbit.name, port.name), port.ty)))
+            .collect();
+        let inside = input(Port::new(format!("{}_inside", orbit.name), Type::B));
+        let n = input(Port::new(format!("{}_n", orbit.name), Type::F));
+        leaves.push(Leaf { outputs, inside, n });
+    }
+    let mut combine = Function::new("combine", inputs);
+    let field = FieldBuilder { composer, specs: &specs, leaves: &leaves, purpose };
+    field.outputs(&mut combine);
+    Ok(Estimator { orbits, combine })
+}
+
+/// An orbit's results as inputs of `combine`.
+struct Leaf<'g> {
+    /// `de, ...` or, for a surface, `gradient, trap, de`.
+    outputs: Vec<Expr<'g>>,
+    inside: Expr<'g>,
+    n: Expr<'g>,
+}
+
+/// A field at a point.
+#[derive(Clone, Copy)]
+struct FieldValue<'g> {
+    d: Expr<'g>,
+    inside: Expr<'g>,
+    /// For surfaces: unit gradient and traps.
+    gradient: Option<Expr<'g>>,
+    trap: Option<Expr<'g>>,
+}
+
+struct FieldBuilder<'a, 'g> {
+    composer: &'a Composer<'g>,
+    specs: &'a [FieldOrbit],
+    leaves: &'a [Leaf<'g>],
+    purpose: Purpose,
+}
+
+impl<'g> FieldBuilder<'_, 'g> {
+    fn outputs(&self, combine: &mut Function) {
+        let arena = self.composer.arena;
+        let value = self.value(self.composer.graph.output, &Frame::default());
+        match self.purpose {
+            Purpose::March => {
+                combine.output("de", value.d);
+                combine.output("inside", value.inside);
+            }
+            Purpose::Surface => {
+                combine.output("gradient", value.gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0])));
+                combine.output("trap", value.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
+            }
+            Purpose::Probe => {
+                combine.output("de", value.d);
+                combine.output("inside", value.inside);
+                let first = self.leaves.first();
+                combine.output("n", first.map_or(arena.f(0.0), |leaf| leaf.n));
+                combine.output("r", first.map_or(arena.f(0.0), |leaf| leaf.outputs[1]));
+                combine.output("z", first.map_or(arena.constant(Type::V4, [0.0; 4]), |leaf| leaf.outputs[2]));
+            }
+        }
+    }
+
+    fn value(&self, node: NodeRef, frame: &Frame) -> FieldValue<'g> {
+        match &self.composer.graph.node(node).kind {
+            NodeKind::Orbit { .. } => self.orbit(node, frame),
+            NodeKind::Primitive(primitive) => self.primitive(primitive, frame),
+            NodeKind::Transform { of, placement } => self.value(*of, &frame.inside(*placement)),
+            NodeKind::Union(of) => self.fold(of, frame, |s, a, b| s.nearer(a, b, a.inside.or(b.inside))),
+            NodeKind::Intersection(of) => self.fold(of, frame, |s, a, b| s.farther(a, b, a.inside.and(b.inside))),
+            NodeKind::Difference { a, b } => {
+                let (a, b) = (self.value(*a, frame), self.value(*b, frame));
+                // How far it is to the wall of an orbit from inside it is not known: 0 makes the march walk.
+                let outside_b = FieldValue { d: -b.d, gradient: b.gradient.map(|g| -g), ..b };
+                self.farther(a, outside_b, a.inside.and(b.inside.not()))
+            }
+            NodeKind::SmoothUnion { of, radius } => {
+                self.fold(of, frame, |s, a, b| s.smooth(a, b, s.composer.arena.f(*radius)))
+            }
+            _ => unreachable!("validation wraps maps into orbits where fields belong"),
+        }
+    }
+
+    fn fold(
+        &self,
+        of: &[NodeRef],
+        frame: &Frame,
+        join: impl Fn(&Self, FieldValue<'g>, FieldValue<'g>) -> FieldValue<'g>,
+    ) -> FieldValue<'g> {
+        let mut values = of.iter().map(|node| self.value(*node, frame));
+        let first = values.next().expect("lists of nodes are never empty");
+        values.fold(first, |a, b| join(self, a, b))
+    }
+
+    fn orbit(&self, node: NodeRef, frame: &Frame) -> FieldValue<'g> {
+        let i = self.specs.iter().position(|s| s.node == node && s.frame == *frame);
+        let leaf = &self.leaves[i.expect("every orbit of the output was collected")];
+        let zero = self.composer.arena.f(0.0);
+        if self.purpose == Purpose::Surface {
+            let d = leaf.inside.select(zero, leaf.outputs[2]);
+            return FieldValue { d, inside: leaf.inside, gradient: Some(leaf.outputs[0]), trap: Some(leaf.outputs[1]) };
+        }
+        FieldValue { d: leaf.inside.select(zero, leaf.outputs[0]), inside: leaf.inside, gradient: None, trap: None }
+    }
+
+    fn primitive(&self, primitive: &Primitive, frame: &Frame) -> FieldValue<'g> {
+        let arena = self.composer.arena;
+        let p = arena.input(0, Type::V3);
+        let hit_eps = arena.input(2, Type::F);
+        let d = signed_distance(primitive, frame.local_from_world(p)) * frame.scale();
+        let is_shell = matches!(primitive, Primitive::Sphere { form: SphereForm::Shell, .. });
+        let limit = if is_shell { hit_eps } else { arena.f(0.0) };
+        let surface = self.purpose == Purpose::Surface;
+        // The solid form is flat inside: its normal is that of the signed one.
+        let smooth = match *primitive {
+            Primitive::Sphere { centre, radius, .. } => {
+                let signed = Primitive::Sphere { centre, radius, form: SphereForm::Signed };
+                signed_distance(&signed, frame.local_from_world(p)) * frame.scale()
+            }
+            _ => d,
+        };
+        let gradient = surface.then(|| {
+            let parts = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+                .map(|axis| Differentiator::new(arena, &[(p, arena.v3(axis))]).derivative(smooth));
+            arena.compose(&parts)
+        });
+        FieldValue { d, inside: d.le(limit), gradient, trap: surface.then(|| arena.constant(Type::V4, [1e6; 4])) }
+    }
+
+    fn pick(&self, first: Expr<'g>, a: FieldValue<'g>, b: FieldValue<'g>) -> (Option<Expr<'g>>, Option<Expr<'g>>) {
+        let gradient = a.gradient.zip(b.gradient).map(|(a, b)| first.select(a, b));
+        let trap = a.trap.zip(b.trap).map(|(a, b)| first.select(a, b));
+        (gradient, trap)
+    }
+
+    fn nearer(&self, a: FieldValue<'g>, b: FieldValue<'g>, inside: Expr<'g>) -> FieldValue<'g> {
+        let (gradient, trap) = self.pick(a.d.le(b.d), a, b);
+        FieldValue { d: a.d.min(b.d), inside, gradient, trap }
+    }
+
+    fn farther(&self, a: FieldValue<'g>, b: FieldValue<'g>, inside: Expr<'g>) -> FieldValue<'g> {
+        let (gradient, trap) = self.pick(b.d.le(a.d), a, b);
+        FieldValue { d: a.d.max(b.d), inside, gradient, trap }
+    }
+
+    /// The polynomial smooth minimum: at most a quarter of the radius below the smaller one, with slope 1 (Quilez).
+    fn smooth(&self, a: FieldValue<'g>, b: FieldValue<'g>, radius: Expr<'g>) -> FieldValue<'g> {
+        let zero = self.composer.arena.f(0.0);
+        let overlap = (radius - (a.d - b.d).abs()).max(zero) / radius;
+        let d = a.d.min(b.d) - overlap * overlap * radius * 0.25;
+        let inside = a.inside.or(b.inside).or(d.le(zero));
+        let share = overlap * 0.5;
+        let near_a = a.d.le(b.d);
+        let blend = |a: Expr<'g>, b: Expr<'g>| near_a.select(a.mix(b, share), b.mix(a, share));
+        FieldValue {
+            d,
+            inside,
+            gradient: a.gradient.zip(b.gradient).map(|(a, b)| blend(a, b)),
+            trap: a.trap.zip(b.trap).map(|(a, b)| near_a.select(a, b)),
+        }
+    }
+}
+
+/// The exact signed distance of a primitive.
+fn signed_distance<'g>(primitive: &Primitive, p: Expr<'g>) -> Expr<'g> {
+    let arena = p.arena;
+    let zero = arena.f(0.0);
+    let planar = |x: Expr<'g>, y: Expr<'g>| (x * x + y * y).sqrt();
+    match *primitive {
+        Primitive::Sphere { centre, radius, form } => {
+            let d = (p - arena.v3(centre)).length() - radius;
+            match form {
+                SphereForm::Signed => d,
+                SphereForm::Solid => d.max(zero),
+                SphereForm::Shell => d.abs(),
+            }
+        }
+        Primitive::Box { centre, half_size } => {
+            let q = ((p - arena.v3(centre)).abs() - arena.v3(half_size)).components();
+            let outside = arena.compose(&[q[0].max(zero), q[1].max(zero), q[2].max(zero)]).length();
+            outside + q[0].max(q[1]).max(q[2]).min(zero)
+        }
+        Primitive::Torus { centre, major, minor } => {
+            let q = (p - arena.v3(centre)).components();
+            planar(planar(q[0], q[1]) - major, q[2]) - minor
+        }
+        Primitive::Plane { normal, offset } => p.dot(arena.v3(normal)) - offset,
+        Primitive::Cylinder { centre, radius, half_height } => {
+            let q = (p - arena.v3(centre)).components();
+            let side = planar(q[0], q[1]) - radius;
+            let cap = q[2].abs() - half_height;
+            planar(side.max(zero), cap.max(zero)) + side.max(cap).min(zero)
+        }
+    }
+}

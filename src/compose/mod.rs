@@ -1,0 +1,48 @@
+//! The composer: from a graph to estimators.
+//!
+//! In comes a [`ValidGraph`] and, for each of its orbits, a [`Choice`] of method, form and radius. Out come
+//! [`Estimator`]s over one arena: `de` and `inside` for marching, normals and traps for shading, everything for probing.
+//! The composer, never a step, adds `c` and owns the running derivative's "+1"; it differentiates whole iterations, so
+//! equal subexpressions of value and derivative are computed once.
+
+pub mod choose;
+mod field;
+mod orbit;
+pub mod placement;
+
+pub use choose::{Choice, Plan, choose};
+pub use field::{FieldOrbit, compose_estimator, field_orbits};
+pub use orbit::{compose_growth, scalar_rules};
+
+use std::rc::Rc;
+
+use crate::diag::Diagnostic;
+use crate::expr::Arena;
+use crate::formula::library::Library;
+use crate::graph::ValidGraph;
+
+/// What an estimator is for, which decides its outputs.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Purpose {
+    /// `de, inside`.
+    March,
+    /// `gradient: vec3, trap: vec4`: the field's direction of growth, and the least distances of the orbit to the origin
+    /// and the planes x, y and z.
+    Surface,
+    /// `de, inside, n, r, z: vec4`; `r` and `z` of the first orbit.
+    Probe,
+}
+
+/// What every part of the composer needs.
+#[derive(Clone, Copy)]
+pub struct Composer<'a> {
+    /// Where nodes go.
+    pub arena: &'a Rc<Arena>,
+    /// Steps and script engine.
+    pub library: &'a Library,
+    /// The fractal.
+    pub graph: &'a ValidGraph,
+}
+
+/// Composing fails only where a step's own script does.
+pub type ComposeResult<T> = Result<T, Diagnostic>;

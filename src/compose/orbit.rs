@@ -1,0 +1,526 @@
+//! One orbit: start values, iterations with their derivatives, and what the end state says.
+
+use rhai::Map;
+
+use super::placement::Frame;
+use super::{Choice, ComposeResult, Composer, Purpose};
+use crate::expr::{Differentiator, Expr, Function, Port, Type};
+use crate::formula::script::base_scope;
+use crate::formula::step::{ParamKind, ScalarRule, Step, StepInputs, Traced, script_expr, script_value};
+use crate::formula::symbolic::to_dynamic;
+use crate::graph::{
+    Condition, Constant, DeForm, IterationMap, MapTree, Method, NodeKind, NodeRef, OrbitSettings, ParamInput,
+    resolve_schedule,
+};
+use crate::kernel::Orbit;
+
+/// Value and scalar derivative of a map.
+type Moved<'g> = Traced<'g>;
+
+/// What an orbit carries besides z.
+struct Carried {
+    /// Running derivative.
+    scalar: bool,
+    /// Columns of the Jacobian by p.
+    jacobian: bool,
+    /// Orbits of p + h along each axis.
+    shifted: bool,
+    /// Orbit traps.
+    traps: bool,
+}
+
+impl Carried {
+    fn of(choice: &Choice, purpose: Purpose) -> Carried {
+        let surface = purpose == Purpose::Surface;
+        Carried {
+            scalar: !surface && matches!(choice.method, Method::Scalar | Method::Combined),
+            jacobian: match surface {
+                true => choice.differentiable,
+                false => matches!(choice.method, Method::Gradient | Method::Combined),
+            },
+            shifted: match surface {
+                true => !choice.differentiable,
+                false => choice.method == Method::Delta,
+            },
+            traps: surface,
+        }
+    }
+}
+
+/// Expressions of the whole state.
+#[derive(Clone)]
+struct State<'g> {
+    z: Expr<'g>,
+    dr: Option<Expr<'g>>,
+    columns: Vec<Expr<'g>>,
+    shifted: Vec<Expr<'g>>,
+    trap: Option<Expr<'g>>,
+}
+
+impl<'g> State<'g> {
+    fn parts(&self) -> Vec<(String, Expr<'g>)> {
+        let numbered = |name: &'static str, list: &[Expr<'g>]| {
+            let axes = ["x", "y", "z"];
+            list.iter().zip(axes).map(|(e, axis)| (format!("{name}_{axis}"), *e)).collect::<Vec<_>>()
+        };
+        let mut parts = vec![("z".to_string(), self.z)];
+        parts.extend(self.dr.map(|dr| ("dr".to_string(), dr)));
+        parts.extend(numbered("j", &self.columns));
+        parts.extend(numbered("z", &self.shifted));
+        parts.extend(self.trap.map(|trap| ("trap".to_string(), trap)));
+        parts
+    }
+
+    /// The same parts as inputs of a function, starting at input `first`.
+    fn as_inputs(&self, first: usize) -> State<'g> {
+        let mut next = first as u16;
+        let mut input = |e: Expr<'g>| {
+            next += 1;
+            e.arena.input(next - 1, e.ty())
+        };
+        State {
+            z: input(self.z),
+            dr: self.dr.map(&mut input),
+            columns: self.columns.iter().map(|e| input(*e)).collect(),
+            shifted: self.shifted.iter().map(|e| input(*e)).collect(),
+            trap: self.trap.map(&mut input),
+        }
+    }
+
+    fn ports(&self) -> Vec<Port> {
+        self.parts().into_iter().map(|(name, e)| Port::new(name, e.ty())).collect()
+    }
+}
+
+/// Values of the start point that iterations read: c and its derivatives, each a constant or a frozen input.
+struct Constants<'g> {
+    c: Expr<'g>,
+    /// Growth of c per unit of p: the "+1".
+    dc: Expr<'g>,
+    /// Derivatives of c along each axis.
+    columns: Vec<Expr<'g>>,
+    /// Step of finite differences.
+    h: Expr<'g>,
+}
+
+/// Builds the orbit of a node for a purpose.
+pub(super) fn compose_orbit(
+    composer: &Composer,
+    name: String,
+    root: NodeRef,
+    settings: &OrbitSettings,
+    frame: &Frame,
+    choice: &Choice,
+    purpose: Purpose,
+) -> ComposeResult<Orbit> {
+    let width = composer.graph.state_width(root);
+    let builder = OrbitBuilder { composer, settings, frame, width, carried: Carried::of(choice, purpose), choice, purpose };
+    builder.build(name, root)
+}
+
+struct OrbitBuilder<'a> {
+    composer: &'a Composer<'a>,
+    settings: &'a OrbitSettings,
+    frame: &'a Frame,
+    width: u8,
+    carried: Carried,
+    choice: &'a Choice,
+    purpose: Purpose,
+}
+
+impl<'a> OrbitBuilder<'a> {
+    fn build(&self, name: String, root: NodeRef) -> ComposeResult<Orbit> {
+        let (maps, schedule) =
+            resolve_schedule(self.composer.graph, root, self.settings.constant, self.settings.max_iterations);
+        let (start, constants) = self.start()?;
+        let (init, frozen, constants) = self.freeze(&name, &start, constants, &maps);
+        let inputs = start.as_inputs(0);
+        let n = self.composer.arena.input((start.parts().len() + frozen.len()) as u16, Type::F);
+        let mut ports = start.ports();
+        ports.extend(frozen.clone());
+        ports.push(Port::new("n", Type::F));
+        let mut items = Vec::new();
+        for (i, item) in maps.iter().enumerate() {
+            let mut function = Function::new(format!("{name}_iterate_{i}"), ports.clone());
+            let next = self.iterate(item, &inputs, &constants, n)?;
+            for (name, e) in next.parts() {
+                function.output(name, e);
+            }
+            let r_sq = next.z.dot(next.z);
+            let limit = self.settings.escape_radius * self.settings.escape_radius;
+            // NaN compares false, so it counts as escaped.
+            function.output("escaped", r_sq.le(self.composer.arena.f(limit)).not());
+            items.push(function);
+        }
+        let mut finish = Function::new(format!("{name}_finish"), ports);
+        self.finish(&mut finish, &inputs, &constants)?;
+        Ok(Orbit {
+            name,
+            state: start.ports(),
+            frozen,
+            init,
+            items,
+            schedule,
+            finish,
+            max_iterations: self.settings.max_iterations,
+        })
+    }
+
+    /// Start values as expressions of the estimator's inputs `p`, `h`, `hit_eps`.
+    fn start(&self) -> ComposeResult<(State<'a>, Constants<'a>)> {
+        let arena = self.composer.arena;
+        let p = arena.input(0, Type::V3);
+        let h = arena.input(1, Type::F);
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| arena.v3(axis));
+        let begin = |p: Expr<'a>| -> ComposeResult<Moved<'a>> {
+            let local = self.frame.local_from_world(p);
+            let mut z = local;
+            if self.width == 4 {
+                let parts = local.components();
+                z = arena.compose(&[parts[0], parts[1], parts[2], arena.f(self.settings.slice)]);
+            }
+            let zero = z.lift(0.0);
+            let dr = self.carried.scalar.then(|| arena.f(1.0 / self.frame.scale()));
+            self.apply_all(&self.settings.pre, Moved { z, dr }, zero)
+        };
+        let first = begin(p)?;
+        let derivatives = |of: Expr<'a>| -> Vec<Expr<'a>> {
+            axes.iter().map(|axis| Differentiator::new(arena, &[(p, *axis)]).derivative(of)).collect()
+        };
+        let columns = if self.carried.jacobian { derivatives(first.z) } else { Vec::new() };
+        let shifted = match self.carried.shifted {
+            true => axes.iter().map(|axis| begin(p + *axis * h).map(|m| m.z)).collect::<ComposeResult<Vec<_>>>()?,
+            false => Vec::new(),
+        };
+        let far = arena.constant(Type::V4, [1e6; 4]);
+        let state =
+            State { z: first.z, dr: first.dr, columns: columns.clone(), shifted, trap: self.carried.traps.then_some(far) };
+        let dc = first.dr.unwrap_or_else(|| arena.f(0.0));
+        Ok((state, Constants { c: first.z, dc, columns, h }))
+    }
+
+    /// Makes the `init` function; what iterations read of the start point becomes frozen inputs unless it is constant.
+    fn freeze(
+        &self,
+        name: &str,
+        start: &State<'a>,
+        constants: Constants<'a>,
+        maps: &[IterationMap],
+    ) -> (Function, Vec<Port>, Constants<'a>) {
+        let mut init = Function::new(format!("{name}_init"), crate::kernel::Estimator::inputs());
+        for (name, e) in start.parts() {
+            init.output(name, e);
+        }
+        let mut frozen = Vec::new();
+        let mut next = start.parts().len() as u16;
+        let mut freeze = |name: &str, e: Expr<'a>| {
+            if e.as_constant().is_some() {
+                return e;
+            }
+            init.output(name, e);
+            frozen.push(Port::new(name, e.ty()));
+            next += 1;
+            e.arena.input(next - 1, e.ty())
+        };
+        let moves = maps.iter().any(|m| m.constant.start_weight() != 0.0);
+        let zero = |e: Expr<'a>| e.lift(0.0);
+        let Constants { c, dc, columns, h } = constants;
+        let frozen_constants = match moves {
+            true => Constants {
+                c: freeze("c", c),
+                dc: freeze("dc", dc),
+                columns: columns.iter().zip(["c_x", "c_y", "c_z"]).map(|(e, name)| freeze(name, *e)).collect(),
+                h: if self.carried.shifted { freeze("h", h) } else { h },
+            },
+            false => Constants {
+                c: zero(c),
+                dc: zero(dc),
+                columns: columns.iter().map(|e| zero(*e)).collect(),
+                h: if self.carried.shifted { freeze("h", h) } else { h },
+            },
+        };
+        (init, frozen, frozen_constants)
+    }
+
+    /// One iteration: the map, then the constant.
+    fn iterate(
+        &self,
+        item: &IterationMap,
+        state: &State<'a>,
+        constants: &Constants<'a>,
+        n: Expr<'a>,
+    ) -> ComposeResult<State<'a>> {
+        let arena = self.composer.arena;
+        let weight = item.constant.start_weight();
+        let c = self.constant(item.constant, constants.c);
+        let input = Moved { z: state.z, dr: state.dr };
+        let moved = apply(self.composer, &item.map, input, c, n)?;
+        let z = moved.z + c;
+        let dr = moved.dr.map(|dr| dr + constants.dc * weight);
+        let column = |(j, c_column): (&Expr<'a>, &Expr<'a>)| {
+            let seeds = [(state.z, *j), (constants.c, *c_column)];
+            Differentiator::new(arena, &seeds).derivative(z)
+        };
+        let columns = state.columns.iter().zip(&constants.columns).map(column).collect();
+        let mut shifted = Vec::new();
+        for (i, z_shifted) in state.shifted.iter().enumerate() {
+            let mut axis = [0.0; 4];
+            axis[i] = 1.0 / self.frame.scale();
+            let offset = arena.constant(z.ty(), axis) * constants.h;
+            let c = self.constant(item.constant, constants.c + offset);
+            let moved = apply(self.composer, &item.map, Moved { z: *z_shifted, dr: None }, c, n)?;
+            shifted.push(moved.z + c);
+        }
+        let trap = state.trap.map(|trap| {
+            let sizes = z.xyz().abs().components();
+            trap.min(arena.compose(&[z.xyz().dot(z.xyz()), sizes[0], sizes[1], sizes[2]]))
+        });
+        Ok(State { z, dr, columns, shifted, trap })
+    }
+
+    /// The constant of an iteration from the start point's.
+    fn constant(&self, constant: Constant, c: Expr<'a>) -> Expr<'a> {
+        let arena = self.composer.arena;
+        let fixed = |v: [f64; 3]| arena.constant(c.ty(), [v[0], v[1], v[2], 0.0]);
+        match constant {
+            Constant::Mandelbrot => c,
+            Constant::Julia(v) => fixed(v),
+            Constant::Mix(v, amount) => c * (1.0 - amount) + fixed(v) * amount,
+            Constant::Off => c.lift(0.0),
+        }
+    }
+
+    fn apply_all(&self, nodes: &[NodeRef], mut moved: Moved<'a>, c: Expr<'a>) -> ComposeResult<Moved<'a>> {
+        let n = self.composer.arena.f(0.0);
+        for node in nodes {
+            let (maps, _) = resolve_schedule(self.composer.graph, *node, Constant::Off, 1);
+            moved = apply(self.composer, &maps[0].map, moved, c, n)?;
+        }
+        Ok(moved)
+    }
+
+    /// What the end state says.
+    fn finish(&self, function: &mut Function, state: &State<'a>, constants: &Constants<'a>) -> ComposeResult<()> {
+        let arena = self.composer.arena;
+        let zero = state.z.lift(0.0);
+        let end = self.apply_all(&self.settings.post, Moved { z: state.z, dr: state.dr }, zero)?;
+        let tangent = |j: &Expr<'a>| Differentiator::new(arena, &[(state.z, *j)]).derivative(end.z);
+        let columns: Vec<Expr<'a>> = state.columns.iter().map(tangent).collect();
+        let tiny = arena.f(1e-30);
+        let r = end.z.length();
+        // Scaled before squaring: components of J may be as large as the square root of the range.
+        let unit = end.z / r.max(tiny);
+        let projected: Vec<Expr<'a>> = columns.iter().map(|j| unit.dot(*j)).collect();
+        let differences = self.differences(state, r, constants.h)?;
+        let gradient = if self.carried.shifted { differences } else { projected };
+        let slope = (!gradient.is_empty()).then(|| scaled_length(arena.compose(&gradient)));
+        match self.purpose {
+            Purpose::Surface => {
+                let g = arena.compose(&gradient);
+                function.output("gradient", g / slope.unwrap_or(tiny).max(tiny));
+                function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
+                function.output("de", self.distance(r, slope.unwrap_or(tiny).max(tiny)));
+            }
+            _ => {
+                let dr = match (end.dr, slope) {
+                    (Some(dr), Some(slope)) => dr.max(slope),
+                    (dr, slope) => dr.or(slope).unwrap_or_else(|| arena.f(1.0)),
+                };
+                function.output("de", self.distance(r, dr.max(tiny)));
+            }
+        }
+        if self.purpose == Purpose::Probe {
+            function.output("r", r);
+            let parts = state.z.components();
+            let w = parts.get(3).copied().unwrap_or_else(|| arena.f(0.0));
+            function.output("z", arena.compose(&[parts[0], parts[1], parts[2], w]));
+        }
+        Ok(())
+    }
+
+    /// Finite differences of r along each axis, all at one iteration count. Of ln r where the form is logarithmic (the
+    /// window of usable steps is far wider there), turned back into a slope of r.
+    fn differences(&self, state: &State<'a>, r: Expr<'a>, h: Expr<'a>) -> ComposeResult<Vec<Expr<'a>>> {
+        let zero = state.z.lift(0.0);
+        let mut slopes = Vec::new();
+        for z in &state.shifted {
+            let end = self.apply_all(&self.settings.post, Moved { z: *z, dr: None }, zero)?;
+            let shifted = end.z.length();
+            slopes.push(match self.choice.form {
+                DeForm::Logarithmic => (shifted / r).ln() * r / h,
+                DeForm::Linear => (shifted - r) / h,
+            });
+        }
+        Ok(slopes)
+    }
+
+    /// The estimate in world units; never negative.
+    fn distance(&self, r: Expr<'a>, dr: Expr<'a>) -> Expr<'a> {
+        let zero = self.composer.arena.f(0.0);
+        match self.choice.form {
+            DeForm::Linear => ((r - self.choice.radius) / dr).max(zero),
+            DeForm::Logarithmic => (r * r.ln() * 0.5 / dr).max(zero),
+        }
+    }
+}
+
+/// The length of a 3-vector whose squares may overflow single precision.
+fn scaled_length(v: Expr<'_>) -> Expr<'_> {
+    let parts = v.abs().components();
+    let largest = parts[0].max(parts[1]).max(parts[2]).max(v.arena.f(1e-30));
+    (v / largest).length() * largest
+}
+
+/// Applies a map to a state.
+fn apply<'a>(
+    composer: &Composer<'a>,
+    map: &MapTree,
+    input: Moved<'a>,
+    c: Expr<'a>,
+    n: Expr<'a>,
+) -> ComposeResult<Moved<'a>> {
+    let again = |m: &Moved<'a>| Moved { z: m.z, dr: m.dr };
+    match map {
+        MapTree::Identity => Ok(input),
+        MapTree::Step(node) => apply_step(composer, *node, input, c, n),
+        MapTree::Sequence(parts) => parts.iter().try_fold(input, |moved, part| apply(composer, part, moved, c, n)),
+        MapTree::Repeat(of, times) => (0..*times).try_fold(input, |moved, _| apply(composer, of, moved, c, n)),
+        MapTree::Blend(a, b, weight) => {
+            let a = apply(composer, a, again(&input), c, n)?;
+            let b = apply(composer, b, input, c, n)?;
+            let z = a.z * (1.0 - weight) + b.z * *weight;
+            let dr = a.dr.zip(b.dr).map(|(a, b)| a * (1.0 - weight).abs() + b * weight.abs());
+            Ok(Moved { z, dr })
+        }
+        MapTree::Choose(when, then, otherwise) => {
+            let holds = condition(*when, input.z);
+            let then = apply(composer, then, again(&input), c, n)?;
+            let otherwise = apply(composer, otherwise, input, c, n)?;
+            let dr = then.dr.zip(otherwise.dr).map(|(a, b)| holds.select(a, b));
+            Ok(Moved { z: holds.select(then.z, otherwise.z), dr })
+        }
+    }
+}
+
+fn condition<'g>(when: Condition, z: Expr<'g>) -> Expr<'g> {
+    let arena = z.arena;
+    match when {
+        Condition::RadiusBelow(limit) => z.dot(z).lt(arena.f(limit * limit)),
+        Condition::RadiusAbove(limit) => arena.f(limit * limit).lt(z.dot(z)),
+        Condition::Negative(axis) => z.component(axis.min(z.ty().width - 1)).lt(arena.f(0.0)),
+        Condition::Positive(axis) => arena.f(0.0).lt(z.component(axis.min(z.ty().width - 1))),
+        // Conditions on the iteration number were decided by the schedule.
+        Condition::IterationBelow(_) | Condition::IterationEvery(_) => arena.bool(true),
+    }
+}
+
+fn apply_step<'a>(
+    composer: &Composer<'a>,
+    node: NodeRef,
+    input: Moved<'a>,
+    c: Expr<'a>,
+    n: Expr<'a>,
+) -> ComposeResult<Moved<'a>> {
+    let place = composer.graph.node(node);
+    let NodeKind::Step { step, params } = &place.kind else {
+        return Ok(input); // the schedule makes `MapTree::Step` of step nodes only
+    };
+    let mut map = Map::new();
+    for (param, value) in step.params.iter().zip(params) {
+        map.insert(param.name.as_str().into(), param_value(composer, &param.kind, value, n));
+    }
+    let narrow = step.state == crate::formula::step::StateWidth::Three && input.z.ty().width == 4;
+    let before = input.dr;
+    let inputs = StepInputs { z: input.z, c, dr: input.dr };
+    let library = composer.library;
+    let mut moved = step
+        .trace(&library.engine, &library.sources, composer.arena, inputs, &map)
+        .map_err(|error| error.label(place.span, format!("used by the node `{}`", place.name)))?;
+    if narrow {
+        // w is left as it was, so the derivative cannot shrink below what it had.
+        moved.dr = moved.dr.zip(before).map(|(after, before)| after.max(before));
+    }
+    Ok(moved)
+}
+
+fn param_value<'a>(composer: &Composer<'a>, kind: &ParamKind, value: &ParamInput, n: Expr<'a>) -> rhai::Dynamic {
+    match value {
+        ParamInput::Known(value) => script_value(composer.arena, kind, value),
+        ParamInput::OfIteration(text) => {
+            let mut scope = base_scope();
+            for param in &composer.graph.params {
+                scope.push_constant(param.name.clone(), param.value);
+            }
+            scope.push_constant_dynamic("n", to_dynamic(composer.arena, n));
+            let value = composer.library.engine.expression(text, &mut scope).unwrap_or(rhai::Dynamic::UNIT);
+            match (value.read_lock::<crate::formula::symbolic::Symbol>(), value.as_float()) {
+                (Some(symbol), _) => script_expr(composer.arena, kind, composer.arena.expr(symbol.expr().id)),
+                (None, Ok(x)) => script_expr(composer.arena, kind, composer.arena.f(x)),
+                _ => rhai::Dynamic::from_float(value.as_int().map_or(f64::NAN, |i| i as f64)),
+            }
+        }
+    }
+}
+
+/// A function that maps z to r after one cycle of the schedule without its constants: how orbits grow far out.
+pub fn compose_growth(composer: &Composer, root: NodeRef, settings: &OrbitSettings) -> ComposeResult<Function> {
+    let width = composer.graph.state_width(root);
+    let (maps, schedule) = resolve_schedule(composer.graph, root, settings.constant, settings.max_iterations);
+    let mut function = Function::new("growth", vec![Port::new("z", Type::F.with_width(width))]);
+    let z = composer.arena.input(0, Type::F.with_width(width));
+    let n = composer.arena.f(0.0);
+    let mut moved = Moved { z, dr: None };
+    for item in schedule.cycle.iter().take(16) {
+        moved = apply(composer, &maps[*item].map, moved, z.lift(0.0), n)?;
+    }
+    function.output("r", moved.z.length());
+    Ok(function)
+}
+
+/// The steps of a node and of all it is wired to.
+pub(super) fn steps_of<'g>(composer: &'g Composer, root: NodeRef) -> Vec<&'g Step> {
+    let mut stack = vec![root];
+    let mut seen = vec![false; composer.graph.nodes.len()];
+    let mut steps = Vec::new();
+    while let Some(of) = stack.pop() {
+        if std::mem::replace(&mut seen[of.0], true) {
+            continue;
+        }
+        let kind = &composer.graph.node(of).kind;
+        if let NodeKind::Step { step, .. } = kind {
+            steps.push(&**step);
+        }
+        stack.extend(kind.wires());
+    }
+    steps
+}
+
+/// The weakest scalar rule of a map's steps; `None` where one of them has none.
+pub fn scalar_rules(composer: &Composer, root: NodeRef) -> Option<ScalarRule> {
+    let rules = steps_of(composer, root).into_iter().map(|s| s.scalar_rule).collect::<Option<Vec<_>>>()?;
+    Some(if rules.contains(&ScalarRule::Heuristic) { ScalarRule::Heuristic } else { ScalarRule::Exact })
+}
+
+/// A kernel that says `inside` for points of an orbit's own frame.
+pub(super) fn compose_membership(
+    composer: &Composer,
+    root: NodeRef,
+    settings: &OrbitSettings,
+    choice: &Choice,
+) -> ComposeResult<crate::kernel::Kernel> {
+    let choice = Choice { method: Method::Scalar, ..choice.clone() };
+    let frame = Frame::default();
+    let width = composer.graph.state_width(root);
+    let carried = Carried { scalar: false, jacobian: false, shifted: false, traps: false };
+    let purpose = Purpose::March;
+    let builder = OrbitBuilder { composer, settings, frame: &frame, width, carried, choice: &choice, purpose };
+    let orbit = builder.build("membership".to_string(), root)?;
+    let mut inputs = crate::kernel::Estimator::inputs();
+    inputs.extend(orbit.finish.output_ports());
+    inputs.push(Port::new("inside", Type::B));
+    inputs.push(Port::new("n", Type::F));
+    let mut combine = Function::new("combine", inputs);
+    let inside = composer.arena.input((combine.inputs.len() - 2) as u16, Type::B);
+    combine.output("inside", inside);
+    Ok(crate::kernel::Kernel::Estimate(crate::kernel::Estimator { orbits: vec![orbit], combine }))
+}

@@ -1,0 +1,235 @@
+//! The operator table: one row an operator, and the only place that knows operators by name.
+//!
+//! A row holds the operator's WGSL spelling, help, evaluation (once, generic over [`Real`]) and derivative rule (made of
+//! other operators). All operators here are *componentwise*: they take one to three arguments of one width and give a
+//! result of that width. Booleans are evaluated as 1 and 0. [`execute`] is the interpreter's dispatch, made from the
+//! same rows.
+
+use super::Expr;
+use crate::math::Real;
+
+/// What a row of the table says, apart from its evaluation.
+pub struct Info {
+    /// Name in lower case, as listings print it.
+    pub name: &'static str,
+    /// Number of arguments, 1 to 3.
+    pub arity: usize,
+    /// Booleans in: every argument that must be boolean, by bit.
+    pub bool_arguments: u8,
+    /// True when the result is boolean.
+    pub bool_result: bool,
+    /// WGSL text with `{0}`, `{1}`, `{2}` for the arguments.
+    pub wgsl: &'static str,
+    /// One sentence for the reference.
+    pub help: &'static str,
+    /// False where the value jumps: derivative checks and continuity reports skip those places only.
+    pub continuous: bool,
+}
+
+/// A function from argument values to a value, over any [`Real`].
+trait Evaluate {
+    fn evaluate<R: Real>(token: R::Token, a: R, b: R, c: R) -> R;
+}
+
+/// Register operands of one instruction: up to four components of up to three arguments.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Operands {
+    /// Components to compute, 1 to 4.
+    pub width: u8,
+    /// Where each component goes.
+    pub dst: [u16; 4],
+    /// Registers of each argument's components.
+    pub args: [[u16; 4]; 3],
+}
+
+/// One register: `K` vectors of lanes.
+pub type Register<R, const K: usize> = [R; K];
+
+#[inline(always)]
+fn apply<E: Evaluate, R: Real, const K: usize>(
+    token: R::Token,
+    arity: usize,
+    registers: &mut [Register<R, K>],
+    operands: &Operands,
+) {
+    for i in 0..operands.width as usize {
+        let a = operands.args[0][i] as usize;
+        let b = if arity > 1 { operands.args[1][i] as usize } else { a };
+        let c = if arity > 2 { operands.args[2][i] as usize } else { a };
+        let d = operands.dst[i] as usize;
+        for k in 0..K {
+            registers[d][k] = E::evaluate(token, registers[a][k], registers[b][k], registers[c][k]);
+        }
+    }
+}
+
+macro_rules! arity {
+    ($a:ident) => { 1 };
+    ($a:ident, $b:ident) => { 2 };
+    ($a:ident, $b:ident, $c:ident) => { 3 };
+}
+
+macro_rules! bind {
+    ($va:ident $vb:ident $vc:ident; $a:ident) => { let $a = $va; let _ = ($vb, $vc); };
+    ($va:ident $vb:ident $vc:ident; $a:ident, $b:ident) => { let ($a, $b) = ($va, $vb); let _ = $vc; };
+    ($va:ident $vb:ident $vc:ident; $a:ident, $b:ident, $c:ident) => { let ($a, $b, $c) = ($va, $vb, $vc); };
+}
+
+macro_rules! operators {
+    ($(
+        $variant:ident $name:literal ($($arg:ident),+) bools($bools:literal, $bool_result:literal) continuous($continuous:literal)
+        wgsl $wgsl:literal help $help:literal
+        evaluate($token:ident) $body:block
+        derivative($x:ident, $y:ident, $d:ident) $rule:block
+    )*) => {
+        /// A componentwise operator of the table.
+        #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, PartialOrd, Ord)]
+        #[repr(u8)]
+        pub enum Operator { $( #[doc = $help] $variant ),* }
+
+        $( struct $variant; impl Evaluate for $variant {
+            #[inline(always)]
+            fn evaluate<R: Real>($token: R::Token, va: R, vb: R, vc: R) -> R {
+                bind!(va vb vc; $($arg),+);
+                let _ = $token;
+                $body
+            }
+        } )*
+
+        impl Operator {
+            /// Every operator, in the order of the table.
+            pub const ALL: &'static [Operator] = &[ $( Operator::$variant ),* ];
+
+            /// The operator's row.
+            pub fn info(self) -> &'static Info {
+                match self { $( Operator::$variant => &Info {
+                    name: $name, arity: arity!($($arg),+), bool_arguments: $bools, bool_result: $bool_result,
+                    wgsl: $wgsl, help: $help, continuous: $continuous,
+                } ),* }
+            }
+
+            /// The value for one lane in f64; used to fold constants.
+            pub fn evaluate_f64(self, a: f64, b: f64, c: f64) -> f64 {
+                match self { $( Operator::$variant => <$variant as Evaluate>::evaluate::<f64>((), a, b, c) ),* }
+            }
+
+            /// The derivative of the result `y` from the arguments `x` and their derivatives `d`.
+            #[allow(unused_variables, reason = "a row uses what its rule needs")]
+            pub fn derivative<'g>(self, x: &[Expr<'g>], y: Expr<'g>, d: &[Expr<'g>]) -> Expr<'g> {
+                match self { $( Operator::$variant => { let ($x, $y, $d) = (x, y, d); $rule } ),* }
+            }
+        }
+
+        /// Runs one operator on registers: `operands.width` components, all lanes.
+        #[inline(always)]
+        pub fn execute<R: Real, const K: usize>(
+            operator: Operator, token: R::Token, registers: &mut [Register<R, K>], operands: &Operands,
+        ) {
+            match operator { $(
+                Operator::$variant => apply::<$variant, R, K>(token, arity!($($arg),+), registers, operands),
+            )* }
+        }
+    };
+}
+
+/// Keeps divisions by a length or a square root finite where the derivative has a pole.
+const TINY: f64 = 1e-30;
+
+operators! {
+    Neg "neg" (a) bools(0, false) continuous(true)
+        wgsl "-{0}" help "The negative."
+        evaluate(_t) { -a } derivative(x, y, d) { -d[0] }
+    Abs "abs" (a) bools(0, false) continuous(true)
+        wgsl "abs({0})" help "The absolute value."
+        evaluate(_t) { a.abs() } derivative(x, y, d) { x[0].lt(x[0].lift(0.0)).select(-d[0], d[0]) }
+    Sqrt "sqrt" (a) bools(0, false) continuous(true)
+        wgsl "sqrt({0})" help "The square root; NaN below 0."
+        evaluate(_t) { a.sqrt() } derivative(x, y, d) { d[0] * 0.5 / y.max(y.lift(TINY)) }
+    Floor "floor" (a) bools(0, false) continuous(false)
+        wgsl "floor({0})" help "The largest whole number not above the argument."
+        evaluate(_t) { a.floor() } derivative(x, y, d) { y.lift(0.0) }
+    Sign "sign" (a) bools(0, false) continuous(false)
+        wgsl "sign({0})" help "-1, 0 or 1."
+        evaluate(t) {
+            let (zero, one) = (R::splat(t, 0.0), R::splat(t, 1.0));
+            R::select(a.lt(zero), -one, R::select(zero.lt(a), one, zero))
+        }
+        derivative(x, y, d) { y.lift(0.0) }
+    Sin "sin" (a) bools(0, false) continuous(true)
+        wgsl "sin({0})" help "The sine of an angle in radians."
+        evaluate(_t) { a.sin_cos().0 } derivative(x, y, d) { x[0].cos() * d[0] }
+    Cos "cos" (a) bools(0, false) continuous(true)
+        wgsl "cos({0})" help "The cosine of an angle in radians."
+        evaluate(_t) { a.sin_cos().1 } derivative(x, y, d) { -(x[0].sin() * d[0]) }
+    Asin "asin" (a) bools(0, false) continuous(true)
+        wgsl "asin({0})" help "The inverse sine in radians; the argument is clamped to [-1, 1]."
+        evaluate(t) { let one = R::splat(t, 1.0); a.max(-one).min(one).asin() }
+        derivative(x, y, d) { d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt() }
+    Acos "acos" (a) bools(0, false) continuous(true)
+        wgsl "acos({0})" help "The inverse cosine in radians; the argument is clamped to [-1, 1]."
+        evaluate(t) { let one = R::splat(t, 1.0); a.max(-one).min(one).acos() }
+        derivative(x, y, d) { -(d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt()) }
+    Exp "exp" (a) bools(0, false) continuous(true)
+        wgsl "exp({0})" help "e to the power of the argument."
+        evaluate(_t) { a.exp() } derivative(x, y, d) { y * d[0] }
+    Ln "ln" (a) bools(0, false) continuous(true)
+        wgsl "log({0})" help "The natural logarithm; NaN below 0."
+        evaluate(_t) { a.ln() } derivative(x, y, d) { d[0] / x[0] }
+    Not "not" (a) bools(1, true) continuous(true)
+        wgsl "!{0}" help "True where the argument is false."
+        evaluate(t) { R::splat(t, 1.0) - a } derivative(x, y, d) { y }
+    Add "add" (a, b) bools(0, false) continuous(true)
+        wgsl "{0} + {1}" help "The sum."
+        evaluate(_t) { a + b } derivative(x, y, d) { d[0] + d[1] }
+    Sub "sub" (a, b) bools(0, false) continuous(true)
+        wgsl "{0} - {1}" help "The difference."
+        evaluate(_t) { a - b } derivative(x, y, d) { d[0] - d[1] }
+    Mul "mul" (a, b) bools(0, false) continuous(true)
+        wgsl "{0} * {1}" help "The product."
+        evaluate(_t) { a * b } derivative(x, y, d) { d[0] * x[1] + x[0] * d[1] }
+    Div "div" (a, b) bools(0, false) continuous(true)
+        wgsl "{0} / {1}" help "The quotient."
+        evaluate(_t) { a / b } derivative(x, y, d) { (d[0] - y * d[1]) / x[1] }
+    Min "min" (a, b) bools(0, false) continuous(true)
+        wgsl "min({0}, {1})" help "The smaller one."
+        evaluate(_t) { a.min(b) } derivative(x, y, d) { x[1].lt(x[0]).select(d[1], d[0]) }
+    Max "max" (a, b) bools(0, false) continuous(true)
+        wgsl "max({0}, {1})" help "The larger one."
+        evaluate(_t) { a.max(b) } derivative(x, y, d) { x[1].lt(x[0]).select(d[0], d[1]) } // at a tie, what `min` does not take
+    Pow "pow" (a, b) bools(0, false) continuous(true)
+        wgsl "pow({0}, {1})" help "The first argument to the power of the second; NaN for a negative base."
+        evaluate(_t) { a.pow(b) }
+        derivative(x, y, d) { x[1] * x[0].pow(x[1] - 1.0) * d[0] + y * x[0].max(x[0].lift(TINY)).ln() * d[1] }
+    Atan2 "atan2" (a, b) bools(0, false) continuous(false)
+        wgsl "atan2({0}, {1})" help "The angle in (-pi, pi] of the point whose y is the first argument and whose x is the second."
+        evaluate(_t) { a.atan2(b) }
+        derivative(x, y, d) { (x[1] * d[0] - x[0] * d[1]) / (x[0] * x[0] + x[1] * x[1]).max(x[0].lift(TINY)) }
+    Mod "mod" (a, b) bools(0, false) continuous(false)
+        wgsl "({0} - {1} * floor({0} / {1}))" help "The remainder with the sign of the second argument."
+        evaluate(_t) { a - b * (a / b).floor() } derivative(x, y, d) { d[0] - (x[0] / x[1]).floor() * d[1] }
+    Lt "lt" (a, b) bools(0, true) continuous(false)
+        wgsl "{0} < {1}" help "True where the first argument is the smaller one."
+        evaluate(t) { R::from_mask(t, a.lt(b)) } derivative(x, y, d) { y }
+    Le "le" (a, b) bools(0, true) continuous(false)
+        wgsl "{0} <= {1}" help "True where the first argument is not the larger one."
+        evaluate(t) { R::from_mask(t, a.le(b)) } derivative(x, y, d) { y }
+    Eq "eq" (a, b) bools(0, true) continuous(false)
+        wgsl "{0} == {1}" help "True where both are equal."
+        evaluate(t) { R::from_mask(t, a.eq(b)) } derivative(x, y, d) { y }
+    And "and" (a, b) bools(3, true) continuous(true)
+        wgsl "{0} & {1}" help "True where both are."
+        evaluate(_t) { a * b } derivative(x, y, d) { y }
+    Or "or" (a, b) bools(3, true) continuous(true)
+        wgsl "{0} | {1}" help "True where either is."
+        evaluate(_t) { a.max(b) } derivative(x, y, d) { y }
+    Clamp "clamp" (a, b, c) bools(0, false) continuous(true)
+        wgsl "clamp({0}, {1}, {2})" help "The first argument moved into the range from the second to the third."
+        evaluate(_t) { a.max(b).min(c) }
+        derivative(x, y, d) { x[0].lt(x[1]).select(d[1], x[2].lt(x[0]).select(d[2], d[0])) }
+    MulAdd "mul_add" (a, b, c) bools(0, false) continuous(true)
+        wgsl "fma({0}, {1}, {2})" help "The product of the first two plus the third, rounded once where the machine can."
+        evaluate(_t) { a.mul_add(b, c) } derivative(x, y, d) { d[0] * x[1] + x[0] * d[1] + d[2] }
+    Select "select" (a, b, c) bools(1, false) continuous(false)
+        wgsl "select({2}, {1}, {0})" help "The second argument where the first is true, else the third."
+        evaluate(_t) { R::select(a.to_mask(), b, c) } derivative(x, y, d) { x[0].select(d[1], d[2]) }
+}

@@ -1,0 +1,102 @@
+//! The steps that formulas can use: the built-in ones and those of a user's folders, found and read alike.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::rc::Rc;
+
+use super::embedded;
+use super::script::ScriptEngine;
+use super::step::Step;
+use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
+
+/// All texts read so far, the script engine, and the steps found.
+pub struct Library {
+    /// Every text that a message may point into.
+    pub sources: Sources,
+    /// Runs step files, parameter expressions and graph scripts.
+    pub engine: ScriptEngine,
+    steps: BTreeMap<String, Rc<Step>>,
+}
+
+impl Library {
+    /// The built-in steps.
+    ///
+    /// Panics if a built-in file has an error, which a test rules out.
+    pub fn builtin() -> Library {
+        let mut library =
+            Library { sources: Sources::default(), engine: ScriptEngine::new(), steps: BTreeMap::new() };
+        let mut diagnostics = Diagnostics::default();
+        for (name, text) in embedded::STEPS {
+            let id = library.sources.add(format!("formulas/steps/{name}.rhai"), *text);
+            library.add_step(name, id, &mut diagnostics);
+        }
+        assert!(!diagnostics.has_errors(), "built-in steps are broken:\n{}", diagnostics.render(&library.sources, false));
+        library
+    }
+
+    fn add_step(&mut self, name: &str, id: SourceId, diagnostics: &mut Diagnostics) {
+        if let Some(step) = Step::read(&self.engine, &self.sources, id, name, diagnostics) {
+            self.steps.insert(name.to_string(), Rc::new(step));
+        }
+    }
+
+    /// Reads every `*.rhai` of a folder as a step. A step of a built-in name replaces the built-in one, with a warning.
+    pub fn add_folder(&mut self, folder: &Path, diagnostics: &mut Diagnostics) {
+        let entries = match std::fs::read_dir(folder) {
+            Ok(entries) => entries,
+            Err(error) => {
+                let message = format!("cannot read the step folder {}: {error}", folder.display());
+                diagnostics.push(Diagnostic::error(message));
+                return;
+            }
+        };
+        let mut files: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
+        files.sort();
+        for file in files.iter().filter(|file| file.extension().is_some_and(|e| e == "rhai")) {
+            self.add_step_file(file, diagnostics);
+        }
+    }
+
+    /// Reads the steps that lie beside a formula file: every `*.rhai` that defines `fn step`.
+    pub fn add_beside(&mut self, folder: &Path, diagnostics: &mut Diagnostics) {
+        let mut files: Vec<_> =
+            std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+        files.sort();
+        for file in files.iter().filter(|file| file.extension().is_some_and(|e| e == "rhai")) {
+            let is_step = std::fs::read_to_string(file).is_ok_and(|text| text.contains("fn step("));
+            if is_step {
+                self.add_step_file(file, diagnostics);
+            }
+        }
+    }
+
+    fn add_step_file(&mut self, file: &Path, diagnostics: &mut Diagnostics) {
+        let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let text = match std::fs::read_to_string(file) {
+            Ok(text) => text,
+            Err(error) => {
+                diagnostics.push(Diagnostic::error(format!("cannot read {}: {error}", file.display())));
+                return;
+            }
+        };
+        if let Some(known) = self.steps.get(&name) {
+            if self.sources.text(known.text) == text {
+                return;
+            }
+            let message = format!("the step `{name}` of {} replaces the built-in step of that name", file.display());
+            diagnostics.push(Diagnostic::warning(message).label(Span::NONE, ""));
+        }
+        let id = self.sources.add(file.display().to_string(), text);
+        self.add_step(&name, id, diagnostics);
+    }
+
+    /// The step of this name.
+    pub fn step(&self, name: &str) -> Option<&Rc<Step>> {
+        self.steps.get(name)
+    }
+
+    /// All steps by name.
+    pub fn steps(&self) -> impl Iterator<Item = &Rc<Step>> {
+        self.steps.values()
+    }
+}

@@ -1,0 +1,182 @@
+//! The Rhai engine as formulas use it: limits, and errors turned into messages with a place.
+
+use std::rc::Rc;
+
+use rhai::{AST, Dynamic, Engine, EvalAltResult, ParseError, Position, Scope};
+
+use super::symbolic::{self, SYMBOL_NAME, Tracer};
+use super::value::{Name, Value, ValueKind};
+use crate::diag::{Diagnostic, SourceId, Sources, Span};
+
+/// Operations that one script may execute.
+const MAX_OPERATIONS: u64 = 2_000_000;
+
+/// A Rhai engine with the symbolic type, and the tracer that its functions report to.
+pub struct ScriptEngine {
+    engine: Engine,
+    /// Where nodes and positions go.
+    pub tracer: Rc<Tracer>,
+}
+
+impl ScriptEngine {
+    /// An engine for step files and parameter expressions.
+    pub fn new() -> ScriptEngine {
+        let mut engine = Engine::new();
+        engine
+            .set_fast_operators(false)
+            .set_fail_on_invalid_map_property(true)
+            .set_max_operations(MAX_OPERATIONS)
+            .set_max_call_levels(32)
+            .set_max_expr_depths(64, 48)
+            .set_max_string_size(100_000)
+            .set_max_array_size(10_000)
+            .set_max_map_size(1_000)
+            .set_max_functions(200)
+            .set_max_modules(0);
+        engine.disable_symbol("switch").disable_symbol("eval").disable_symbol("import");
+        engine.on_print(|_| {}).on_debug(|_, _, _| {});
+        let mut constants = rhai::Module::new();
+        constants.set_var("PI", std::f64::consts::PI);
+        engine.register_global_module(constants.into());
+        let tracer = Rc::new(Tracer::default());
+        symbolic::register(&mut engine, &tracer);
+        ScriptEngine { engine, tracer }
+    }
+
+    /// The engine, to register more.
+    pub fn engine_mut(&mut self) -> &mut Engine {
+        &mut self.engine
+    }
+
+    /// Parses a script.
+    pub fn compile(&self, sources: &Sources, id: SourceId) -> Result<AST, Diagnostic> {
+        let text = sources.text(id);
+        if text.len() > 1 << 20 {
+            return Err(Diagnostic::error("the script is larger than 1 MiB").label(sources.span_at(id, 1, 1), ""));
+        }
+        self.engine.compile_with_scope(&base_scope(), text).map_err(|error| parse_error(sources, id, &error))
+    }
+
+    /// Runs a script's own statements and returns the value of the last one.
+    pub fn run(&self, sources: &Sources, id: SourceId, ast: &AST, scope: &mut Scope) -> Result<Dynamic, Diagnostic> {
+        self.engine
+            .eval_ast_with_scope::<Dynamic>(scope, ast)
+            .map_err(|error| self.runtime_error(sources, id, &error))
+    }
+
+    /// Calls a function of a script.
+    pub fn call(
+        &self,
+        sources: &Sources,
+        id: SourceId,
+        ast: &AST,
+        name: &str,
+        args: Vec<Dynamic>,
+    ) -> Result<Dynamic, Diagnostic> {
+        let options = rhai::CallFnOptions::new().eval_ast(false);
+        self.engine
+            .call_fn_with_options::<Dynamic>(options, &mut base_scope(), ast, name, args)
+            .map_err(|error| self.runtime_error(sources, id, &error))
+    }
+
+    /// Evaluates an expression with the given variables. The error is a plain sentence.
+    pub fn expression(&self, text: &str, scope: &mut Scope) -> Result<Dynamic, String> {
+        self.engine.eval_expression_with_scope::<Dynamic>(scope, text).map_err(|error| plain(&error))
+    }
+
+    fn runtime_error(&self, sources: &Sources, id: SourceId, error: &EvalAltResult) -> Diagnostic {
+        let mut inner = error;
+        while let EvalAltResult::ErrorInFunctionCall(_, _, cause, _) = inner {
+            inner = cause;
+        }
+        let mut position = inner.position();
+        if position.is_none() {
+            position = self.tracer.last_position();
+        }
+        let mut diagnostic = Diagnostic::error(plain(inner)).label(span_of(sources, id, position), "");
+        if is_symbolic_condition(inner) {
+            diagnostic = diagnostic.help("use `select(condition, a, b)`, and `and(a, b)`, `or(a, b)`, `not(a)`");
+        }
+        diagnostic
+    }
+}
+
+impl Default for ScriptEngine {
+    fn default() -> Self {
+        ScriptEngine::new()
+    }
+}
+
+/// Names that every script knows.
+pub fn base_scope() -> Scope<'static> {
+    Scope::new()
+}
+
+fn span_of(sources: &Sources, id: SourceId, position: Position) -> Span {
+    sources.span_at(id, position.line().unwrap_or(1), position.position().unwrap_or(1))
+}
+
+fn parse_error(sources: &Sources, id: SourceId, error: &ParseError) -> Diagnostic {
+    let text = error.err_type().to_string();
+    let diagnostic = Diagnostic::error(text.clone()).label(span_of(sources, id, error.position()), "");
+    match text.contains("'switch'") {
+        true => diagnostic.help("`switch` is not available in formulas: use `if` on known values, `select` on symbolic ones"),
+        false => diagnostic,
+    }
+}
+
+fn is_symbolic_condition(error: &EvalAltResult) -> bool {
+    matches!(error, EvalAltResult::ErrorMismatchDataType(_, actual, _) if actual == SYMBOL_NAME)
+}
+
+/// An engine error as a sentence without its position.
+fn plain(error: &EvalAltResult) -> String {
+    if is_symbolic_condition(error) {
+        return "a value that is known only while rendering cannot decide what the script does".into();
+    }
+    match error {
+        EvalAltResult::ErrorRuntime(value, _) => value.to_string(),
+        EvalAltResult::ErrorTooManyOperations(_) => {
+            format!("the script runs more than {MAX_OPERATIONS} operations; does a loop never end?")
+        }
+        EvalAltResult::ErrorParsing(kind, _) => kind.to_string(),
+        other => {
+            let text = other.to_string();
+            match text.rfind(" (line ") {
+                Some(at) => text[..at].to_string(),
+                None => text,
+            }
+        }
+    }
+}
+
+/// A script's value as a value tree, the form in which RON files arrive too. `span` stands for all of it; fields found
+/// in the text get their own place.
+pub fn to_value(value: &Dynamic, span: &dyn Fn(Option<&str>) -> Span) -> Value {
+    let kind = if value.is_unit() {
+        ValueKind::Unit
+    } else if let Ok(b) = value.as_bool() {
+        ValueKind::Bool(b)
+    } else if let Ok(x) = value.as_float() {
+        ValueKind::Number(x)
+    } else if let Ok(x) = value.as_int() {
+        ValueKind::Number(x as f64)
+    } else if let Some(text) = value.read_lock::<rhai::ImmutableString>() {
+        ValueKind::Str(text.to_string())
+    } else if let Some(items) = value.read_lock::<rhai::Array>() {
+        ValueKind::List(items.iter().map(|item| to_value(item, span)).collect())
+    } else if let Some(map) = value.read_lock::<rhai::Map>() {
+        let mut fields = Vec::new();
+        for (key, item) in map.iter() {
+            let key = key.as_str();
+            let inner = |name: Option<&str>| span(name.or(Some(key)));
+            fields.push((Name::new(span(Some(key)), key), to_value(item, &inner)));
+        }
+        ValueKind::Struct { name: None, fields }
+    } else if let Some(node) = value.read_lock::<Value>() {
+        return node.clone();
+    } else {
+        ValueKind::Invalid
+    };
+    Value { span: span(None), kind }
+}

@@ -1,0 +1,255 @@
+//! The graph: a fractal as nodes and wires, after its file was read and before anything is computed.
+//!
+//! In comes the value tree of a RON file or script ([`read`]); out comes a [`ValidGraph`]: every name is known, every
+//! parameter in its range, there is no cycle, maps and distance fields stand where they belong. Whatever takes a
+//! `ValidGraph` need not fail for the user's mistakes any more (but for errors inside a step's own script).
+
+mod fields;
+mod nodes;
+pub mod print;
+mod read;
+mod schedule;
+mod settings;
+mod tests_of_formula;
+mod validate;
+
+pub use read::{Override, read};
+pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
+pub use settings::{Camera, Constant, DeForm, EstimateSettings, Look, Method, OrbitSettings};
+pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
+pub use validate::ValidGraph;
+
+use std::rc::Rc;
+
+use crate::diag::Span;
+use crate::formula::step::{ParamValue, Step};
+
+/// A node's number in its graph.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
+pub struct NodeRef(pub usize);
+
+/// A fractal: nodes, what is drawn of them, and how.
+#[derive(Clone)]
+pub struct Graph {
+    /// Name; the file's where it gives none.
+    pub name: String,
+    /// One line about it.
+    pub summary: String,
+    /// Inventor, year, where published.
+    pub source: String,
+    /// Parameters and their values.
+    pub params: Vec<FractalParam>,
+    /// All nodes, named and inline.
+    pub nodes: Vec<Node>,
+    /// The node that is drawn.
+    pub output: NodeRef,
+    /// How orbits that say nothing else are iterated.
+    pub orbit: OrbitSettings,
+    /// Where to look from; found automatically where absent.
+    pub camera: Option<Camera>,
+    /// Radius of a ball around the origin that holds everything; found automatically where absent.
+    pub bounding_radius: Option<f64>,
+    /// Light and colour.
+    pub look: Look,
+    /// The file's own tests.
+    pub tests: Vec<FormulaTest>,
+}
+
+/// A parameter of a fractal.
+#[derive(Clone, Debug)]
+pub struct FractalParam {
+    /// Name.
+    pub name: String,
+    /// Value in use.
+    pub value: f64,
+    /// The file's default.
+    pub default: f64,
+    /// Least value.
+    pub min: f64,
+    /// Greatest value.
+    pub max: f64,
+    /// Unit.
+    pub unit: String,
+    /// What it does.
+    pub help: String,
+}
+
+/// A node with its name and place.
+#[derive(Clone)]
+pub struct Node {
+    /// Name; inline nodes are named for their owner and position.
+    pub name: String,
+    /// Place in the file.
+    pub span: Span,
+    /// What it is.
+    pub kind: NodeKind,
+}
+
+/// A parameter given to a step.
+#[derive(Clone, PartialEq, Debug)]
+pub enum ParamInput {
+    /// Known now.
+    Known(ParamValue),
+    /// An expression of the iteration number `n`.
+    OfIteration(String),
+}
+
+/// What a node is: a map of the orbit state (up to `Item`), or a distance field.
+#[derive(Clone)]
+pub enum NodeKind {
+    /// One step with its parameters, in the step's order.
+    Step { step: Rc<Step>, params: Vec<ParamInput> },
+    /// Maps one after the other, within one iteration.
+    Sequence(Vec<NodeRef>),
+    /// A map several times, within one iteration.
+    Repeat { of: NodeRef, times: u32 },
+    /// `(1 - weight) a + weight b`; `a` is the identity where absent.
+    Blend { a: Option<NodeRef>, b: NodeRef, weight: f64 },
+    /// One of two maps by a condition; `otherwise` is the identity where absent.
+    Choose { when: Condition, then: NodeRef, otherwise: Option<NodeRef> },
+    /// A map in iterations `from <= n < to`, another in the others.
+    Between { of: NodeRef, from: u32, to: u32, otherwise: Option<NodeRef> },
+    /// Maps by turns, each for some iterations.
+    Alternate(Vec<(NodeRef, u32)>),
+    /// A map whose iterations add another constant than the orbit's.
+    Item { of: NodeRef, constant: Constant },
+    /// The distance field of an iterated map.
+    Orbit { of: NodeRef, settings: Box<OrbitSettings> },
+    /// A shape with a known distance.
+    Primitive(Primitive),
+    /// The nearest of several fields.
+    Union(Vec<NodeRef>),
+    /// What all fields share.
+    Intersection(Vec<NodeRef>),
+    /// The first field without the second.
+    Difference { a: NodeRef, b: NodeRef },
+    /// A union whose seams are rounded with this radius.
+    SmoothUnion { of: Vec<NodeRef>, radius: f64 },
+    /// A field scaled, then rotated, then moved.
+    Transform { of: NodeRef, placement: Placement },
+}
+
+/// When a [`NodeKind::Choose`] takes its first map.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Condition {
+    /// `n` is below this.
+    IterationBelow(u32),
+    /// `n` is a multiple of this.
+    IterationEvery(u32),
+    /// r is below this.
+    RadiusBelow(f64),
+    /// r is above this.
+    RadiusAbove(f64),
+    /// This coordinate (0 is x) is negative.
+    Negative(u8),
+    /// This coordinate is positive.
+    Positive(u8),
+}
+
+/// Shapes with a known distance; lengths in world units, directions of length 1.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Primitive {
+    /// Ball or sphere.
+    Sphere { centre: [f64; 3], radius: f64, form: SphereForm },
+    /// Box with half its edge lengths.
+    Box { centre: [f64; 3], half_size: [f64; 3] },
+    /// Torus around the z axis.
+    Torus { centre: [f64; 3], major: f64, minor: f64 },
+    /// The half space below `offset` along `normal`.
+    Plane { normal: [f64; 3], offset: f64 },
+    /// Cylinder along the z axis.
+    Cylinder { centre: [f64; 3], radius: f64, half_height: f64 },
+}
+
+/// What the distance of a sphere is inside it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum SphereForm {
+    /// Negative inside.
+    Signed,
+    /// 0 inside.
+    Solid,
+    /// Positive inside: only the surface is there.
+    Shell,
+}
+
+/// Where a field stands: scaled, rotated about `axis` by `angle` (radians), then moved.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Placement {
+    /// Moved by this, in world units.
+    pub translate: [f64; 3],
+    /// Rotation axis of length 1.
+    pub axis: [f64; 3],
+    /// Rotation angle in radians.
+    pub angle: f64,
+    /// Scale factor, > 0.
+    pub scale: f64,
+}
+
+impl NodeKind {
+    /// True for maps of the orbit state, false for distance fields.
+    pub fn is_map(&self) -> bool {
+        matches!(
+            self,
+            NodeKind::Step { .. }
+                | NodeKind::Sequence(_)
+                | NodeKind::Repeat { .. }
+                | NodeKind::Blend { .. }
+                | NodeKind::Choose { .. }
+                | NodeKind::Between { .. }
+                | NodeKind::Alternate(_)
+                | NodeKind::Item { .. }
+        )
+    }
+
+    /// The nodes it is wired to.
+    pub fn wires(&self) -> Vec<NodeRef> {
+        match self {
+            NodeKind::Step { .. } | NodeKind::Primitive(_) => Vec::new(),
+            NodeKind::Sequence(of) | NodeKind::Union(of) | NodeKind::Intersection(of) => of.clone(),
+            NodeKind::SmoothUnion { of, .. } => of.clone(),
+            NodeKind::Repeat { of, .. }
+            | NodeKind::Item { of, .. }
+            | NodeKind::Transform { of, .. } => vec![*of],
+            NodeKind::Orbit { of, settings } => {
+                std::iter::once(*of).chain(settings.pre.iter().copied()).chain(settings.post.iter().copied()).collect()
+            }
+            NodeKind::Blend { a, b, .. } => a.iter().copied().chain([*b]).collect(),
+            NodeKind::Choose { then, otherwise, .. } => [*then].into_iter().chain(*otherwise).collect(),
+            NodeKind::Between { of, otherwise, .. } => [*of].into_iter().chain(*otherwise).collect(),
+            NodeKind::Alternate(parts) => parts.iter().map(|(of, _)| *of).collect(),
+            NodeKind::Difference { a, b } => vec![*a, *b],
+        }
+    }
+
+    /// The name of its kind in files; a step's own name.
+    pub fn keyword(&self) -> &str {
+        match self {
+            NodeKind::Step { step, .. } => &step.name,
+            NodeKind::Sequence(_) => "Sequence",
+            NodeKind::Repeat { .. } => "Repeat",
+            NodeKind::Blend { .. } => "Blend",
+            NodeKind::Choose { .. } => "Choose",
+            NodeKind::Between { .. } => "Between",
+            NodeKind::Alternate(_) => "Alternate",
+            NodeKind::Item { .. } => "Item",
+            NodeKind::Orbit { .. } => "Orbit",
+            NodeKind::Primitive(Primitive::Sphere { .. }) => "Sphere",
+            NodeKind::Primitive(Primitive::Box { .. }) => "Box",
+            NodeKind::Primitive(Primitive::Torus { .. }) => "Torus",
+            NodeKind::Primitive(Primitive::Plane { .. }) => "Plane",
+            NodeKind::Primitive(Primitive::Cylinder { .. }) => "Cylinder",
+            NodeKind::Union(_) => "Union",
+            NodeKind::Intersection(_) => "Intersection",
+            NodeKind::Difference { .. } => "Difference",
+            NodeKind::SmoothUnion { .. } => "SmoothUnion",
+            NodeKind::Transform { .. } => "Transform",
+        }
+    }
+}
+
+impl Graph {
+    /// The node of this number.
+    pub fn node(&self, of: NodeRef) -> &Node {
+        &self.nodes[of.0]
+    }
+}

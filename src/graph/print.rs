@@ -1,0 +1,73 @@
+//! The graph in text: as a tree, and as Graphviz DOT.
+
+use std::fmt::Write as _;
+
+use super::{Graph, NodeKind, ParamInput};
+use crate::formula::step::ParamValue;
+
+/// A listing of all nodes with their parameters and wires.
+pub fn listing(graph: &Graph) -> String {
+    let mut text = format!("fractal {}\n", graph.name);
+    for param in &graph.params {
+        let _ = writeln!(text, "  param {} = {} ({} to {}) {}", param.name, param.value, param.min, param.max, param.unit);
+    }
+    for node in &graph.nodes {
+        let _ = writeln!(text, "  {} = {}", node.name, describe(graph, &node.kind));
+    }
+    let _ = writeln!(text, "  output {}", graph.node(graph.output).name);
+    text
+}
+
+/// The graph in the DOT language: wires point from a node to what uses it.
+pub fn dot(graph: &Graph) -> String {
+    let mut text = String::from("digraph {\n  rankdir=LR;\n  node [shape=box, fontname=\"sans-serif\"];\n");
+    for (i, node) in graph.nodes.iter().enumerate() {
+        let label = format!("{}\n{}", node.name, node.kind.keyword()).replace('"', "'").replace('\n', "\\n");
+        let style = if i == graph.output.0 { ", style=bold" } else { "" };
+        let _ = writeln!(text, "  n{i} [label=\"{label}\"{style}];");
+        for wire in node.kind.wires() {
+            let _ = writeln!(text, "  n{} -> n{i};", wire.0);
+        }
+    }
+    text.push_str("}\n");
+    text
+}
+
+fn describe(graph: &Graph, kind: &NodeKind) -> String {
+    let wires: Vec<&str> = kind.wires().iter().map(|w| graph.node(*w).name.as_str()).collect();
+    match kind {
+        NodeKind::Step { step, params } => {
+            let params: Vec<String> =
+                step.params.iter().zip(params).map(|(p, v)| format!("{}: {}", p.name, input(v))).collect();
+            format!("{}({})", step.name, params.join(", "))
+        }
+        NodeKind::Primitive(primitive) => format!("{primitive:?}"),
+        NodeKind::Repeat { times, .. } => format!("Repeat({} times {times})", wires[0]),
+        NodeKind::Blend { weight, .. } => format!("Blend({} weight {weight})", wires.join(", ")),
+        NodeKind::Choose { when, .. } => format!("Choose({} when {when:?})", wires.join(", ")),
+        NodeKind::Between { from, to, .. } => format!("Between({} from {from} to {to})", wires.join(", ")),
+        NodeKind::Alternate(turns) => {
+            let turns: Vec<String> = turns.iter().map(|(w, n)| format!("{} x{n}", graph.node(*w).name)).collect();
+            format!("Alternate({})", turns.join(", "))
+        }
+        NodeKind::Item { constant, .. } => format!("Item({} constant {constant:?})", wires[0]),
+        NodeKind::Orbit { settings, .. } => format!(
+            "Orbit({} constant {:?}, escape_radius {}, max_iterations {})",
+            wires[0], settings.constant, settings.escape_radius, settings.max_iterations
+        ),
+        NodeKind::SmoothUnion { radius, .. } => format!("SmoothUnion({} radius {radius})", wires.join(", ")),
+        NodeKind::Transform { placement, .. } => format!("Transform({} {placement:?})", wires[0]),
+        other => format!("{}({})", other.keyword(), wires.join(", ")),
+    }
+}
+
+fn input(value: &ParamInput) -> String {
+    match value {
+        ParamInput::OfIteration(text) => format!("\"{text}\""),
+        ParamInput::Known(ParamValue::Number(x)) => x.to_string(),
+        ParamInput::Known(ParamValue::Bool(b)) => b.to_string(),
+        ParamInput::Known(ParamValue::Word(word)) => word.clone(),
+        ParamInput::Known(ParamValue::Vector(v)) => format!("({}, {}, {})", v[0], v[1], v[2]),
+        ParamInput::Known(ParamValue::Matrix(rows)) => format!("{rows:?}"),
+    }
+}

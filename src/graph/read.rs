@@ -1,0 +1,498 @@
+//! From a file's value tree to a [`ValidGraph`], reporting everything that is wrong with it.
+
+use std::collections::HashMap;
+
+use rhai::Scope;
+
+use super::fields::read_look;
+use super::settings::{Camera, Constant, DeForm, EstimateSettings, Method, OrbitSettings};
+use super::tests_of_formula::read_test;
+use super::validate::{ValidGraph, validate};
+use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
+use crate::diag::{Diagnostic, Diagnostics, Span};
+use crate::formula::decode::{Fields, FromValue, check_range, entries};
+use crate::formula::library::Library;
+use crate::formula::script::base_scope;
+use crate::formula::value::{Name, Value, ValueKind};
+
+/// A value that the command line puts in the place of a file's: `parameter`, `field` or `node.parameter`.
+#[derive(Clone, Debug)]
+pub struct Override {
+    /// What to replace.
+    pub path: String,
+    /// The new value.
+    pub value: Value,
+}
+
+/// Nodes that a graph may have.
+const MAX_GRAPH_NODES: usize = 1000;
+
+/// Reads a graph. `name` stands in where the file gives none.
+pub fn read(
+    library: &Library,
+    value: &Value,
+    name: &str,
+    overrides: &[Override],
+    d: &mut Diagnostics,
+) -> Option<ValidGraph> {
+    let errors = d.error_count();
+    let mut patched = value.clone();
+    let mut params = HashMap::new();
+    for change in overrides {
+        apply_override(&mut patched, change, &mut params, d);
+    }
+    let mut reader =
+        Reader { library, d, params: Vec::new(), nodes: Vec::new(), names: HashMap::new(), inline: Vec::new() };
+    let graph = reader.graph(&patched, name, &params)?;
+    let d = reader.d;
+    if d.error_count() > errors {
+        return None;
+    }
+    validate(graph, d)
+}
+
+/// Puts an override into the value tree, or into `params` where it names a fractal's parameter.
+fn apply_override(value: &mut Value, change: &Override, params: &mut HashMap<String, Value>, d: &mut Diagnostics) {
+    let root = match &mut value.kind {
+        ValueKind::Struct { fields, .. } => fields,
+        _ => return, // told of when the graph is read
+    };
+    let find = |fields: &[(Name, Value)], name: &str| fields.iter().position(|(n, _)| n.text == name);
+    let names_of = |fields: &[(Name, Value)], field: &str| -> Vec<String> {
+        let table = find(fields, field).map(|i| &fields[i].1.kind);
+        match table {
+            Some(ValueKind::Map(items)) => items.iter().filter_map(|(k, _)| string_of(k)).collect(),
+            Some(ValueKind::Struct { fields, .. }) => fields.iter().map(|(n, _)| n.text.clone()).collect(),
+            _ => Vec::new(),
+        }
+    };
+    match change.path.split_once('.') {
+        None if names_of(root, "params").contains(&change.path) => {
+            params.insert(change.path.clone(), change.value.clone());
+        }
+        None => match find(root, &change.path) {
+            Some(i) => root[i].1 = change.value.clone(),
+            None => root.push((Name::new(change.value.span, &*change.path), change.value.clone())),
+        },
+        Some((node, parameter)) => {
+            let known = names_of(root, "nodes");
+            let target = find(root, "nodes").and_then(|i| entry_mut(&mut root[i].1, node));
+            let Some(target) = target else {
+                let message = format!("there is no node `{node}`");
+                let help = format!("the nodes are: {}", known.join(", "));
+                d.push(Diagnostic::error(message).label(change.value.span, "").help(help));
+                return;
+            };
+            set_field(target, parameter, change, d);
+        }
+    }
+}
+
+fn set_field(target: &mut Value, parameter: &str, change: &Override, d: &mut Diagnostics) {
+    if let ValueKind::Tuple { name, items } = &target.kind
+        && items.is_empty()
+    {
+        target.kind = ValueKind::Struct { name: name.clone(), fields: Vec::new() };
+    }
+    if let ValueKind::Variant(name) = &target.kind {
+        target.kind = ValueKind::Struct { name: Some(name.clone()), fields: Vec::new() };
+    }
+    match &mut target.kind {
+        ValueKind::Struct { fields, .. } => match fields.iter_mut().find(|(n, _)| n.text == parameter) {
+            Some((_, value)) => *value = change.value.clone(),
+            None => fields.push((Name::new(change.value.span, parameter), change.value.clone())),
+        },
+        _ => {
+            let message = format!("the node of `{}` has no parameters", change.path);
+            d.push(Diagnostic::error(message).label(change.value.span, ""));
+        }
+    }
+}
+
+fn string_of(value: &Value) -> Option<String> {
+    match &value.kind {
+        ValueKind::Str(text) => Some(text.clone()),
+        _ => None,
+    }
+}
+
+fn entry_mut<'v>(table: &'v mut Value, name: &str) -> Option<&'v mut Value> {
+    match &mut table.kind {
+        ValueKind::Map(items) => {
+            items.iter_mut().find(|(k, _)| string_of(k).as_deref() == Some(name)).map(|(_, v)| v)
+        }
+        ValueKind::Struct { fields, .. } => fields.iter_mut().find(|(n, _)| n.text == name).map(|(_, v)| v),
+        _ => None,
+    }
+}
+
+/// The state of reading one file.
+pub(super) struct Reader<'a> {
+    /// Steps that may be used.
+    pub library: &'a Library,
+    /// Where messages go.
+    pub d: &'a mut Diagnostics,
+    /// The fractal's parameters, known before the first node is read.
+    pub params: Vec<FractalParam>,
+    nodes: Vec<Option<Node>>,
+    names: HashMap<String, usize>,
+    inline: Vec<String>,
+}
+
+impl Reader<'_> {
+    fn graph(&mut self, value: &Value, name: &str, params: &HashMap<String, Value>) -> Option<Graph> {
+        let mut fields = Fields::new(value, "a fractal", self.d)?;
+        let title = fields.or("name", name.to_string(), self.d);
+        let summary = fields.or("summary", String::new(), self.d);
+        let source = fields.or("source", String::new(), self.d);
+        let given = fields.optional_value("params");
+        let given = given.map(|v| entries(v, "parameters", self.d)).unwrap_or_default();
+        self.params = given.into_iter().filter_map(|(name, value)| self.param(&name, value, params)).collect();
+        let nodes = fields.optional_value("nodes");
+        let nodes = nodes.map(|v| entries(v, "nodes", self.d)).unwrap_or_default();
+        self.declare(&nodes);
+        for (i, (name, value)) in nodes.iter().enumerate() {
+            self.inline.push(name.text.clone());
+            let kind = self.node_kind(value);
+            self.inline.pop();
+            let span = value.span;
+            self.nodes[i] = kind.map(|kind| Node { name: name.text.clone(), span, kind });
+        }
+        let output = match fields.optional_value("output") {
+            Some(value) => self.wire(value),
+            None => self.default_output(&nodes, fields.span()),
+        };
+        let orbit = self.orbit_settings(&mut fields, &OrbitSettings::default());
+        let camera = fields.optional_value("camera").and_then(|v| self.camera(v));
+        let bounding_radius = fields.optional_value("bounding_radius").and_then(|v| self.number(v, 1e-6, 1e6));
+        let look = fields.optional_value("look");
+        let look = look.and_then(|v| read_look(self, v)).unwrap_or_default();
+        let test_values: Vec<Value> = fields.or("tests", Vec::new(), self.d);
+        let tests = test_values.iter().filter_map(|v| read_test(self, v)).collect();
+        fields.finish(self.d);
+        let nodes: Option<Vec<Node>> = std::mem::take(&mut self.nodes).into_iter().collect();
+        Some(Graph {
+            name: title,
+            summary,
+            source,
+            params: std::mem::take(&mut self.params),
+            nodes: nodes?,
+            output: output?,
+            orbit,
+            camera,
+            bounding_radius,
+            look,
+            tests,
+        })
+    }
+
+    fn declare(&mut self, nodes: &[(Name, &Value)]) {
+        for (i, (name, _)) in nodes.iter().enumerate() {
+            self.names.insert(name.text.clone(), i);
+            self.nodes.push(None);
+        }
+        if nodes.len() > MAX_GRAPH_NODES {
+            self.d.push(Diagnostic::error(format!("a graph may have {MAX_GRAPH_NODES} nodes, this one has {}", nodes.len())));
+        }
+    }
+
+    /// The only node, where a file leaves out `output`.
+    fn default_output(&mut self, nodes: &[(Name, &Value)], span: Span) -> Option<NodeRef> {
+        if nodes.len() == 1 {
+            return Some(NodeRef(0));
+        }
+        let names: Vec<&str> = nodes.iter().map(|(n, _)| n.text.as_str()).collect();
+        let help = match names.is_empty() {
+            true => "add `nodes: { \"fold\": box_fold() }` and `output: \"fold\"`".to_string(),
+            false => format!("add `output: \"...\"`, one of: {}", names.join(", ")),
+        };
+        self.d.push(Diagnostic::error("the file does not say which node is drawn").label(span, "`output` is missing").help(help));
+        None
+    }
+
+    fn param(&mut self, name: &Name, value: &Value, overrides: &HashMap<String, Value>) -> Option<FractalParam> {
+        let mut fields = Fields::new(value, "a parameter", self.d)?;
+        let default = fields.required::<f64>("default", self.d);
+        let min = fields.or("min", -1e6, self.d);
+        let max = fields.or("max", 1e6, self.d);
+        let unit = fields.or("unit", String::new(), self.d);
+        let help = fields.or("help", String::new(), self.d);
+        fields.finish(self.d);
+        let default = default?;
+        let (given, span) = match overrides.get(&name.text) {
+            Some(change) => (f64::from_value(change, self.d)?, change.span),
+            None => (default, value.span),
+        };
+        check_range(given, min, max, &format!("`{}`", name.text), span, self.d);
+        Some(FractalParam { name: name.text.clone(), value: given, default, min, max, unit, help })
+    }
+
+    /// Resolves a wire: a node's name, or a node written in place.
+    pub(super) fn wire(&mut self, value: &Value) -> Option<NodeRef> {
+        if let ValueKind::Str(name) = &value.kind {
+            if let Some(&i) = self.names.get(name) {
+                return Some(NodeRef(i));
+            }
+            let names: Vec<&str> = self.names.keys().map(String::as_str).collect();
+            let mut diagnostic = Diagnostic::error(format!("there is no node `{name}`"))
+                .label(value.span, "not a node of this graph")
+                .did_you_mean(name, names.iter().copied());
+            if diagnostic.help.is_empty() {
+                let mut names = names;
+                names.sort_unstable();
+                diagnostic = diagnostic.help(format!("the nodes are: {}", names.join(", ")));
+            }
+            self.d.push(diagnostic);
+            return None;
+        }
+        if self.nodes.len() >= MAX_GRAPH_NODES {
+            self.d.push(Diagnostic::error(format!("a graph may have {MAX_GRAPH_NODES} nodes")).label(value.span, ""));
+            return None;
+        }
+        let i = self.nodes.len();
+        self.nodes.push(None);
+        let owner = self.inline.join("/");
+        self.inline.push(format!("{}", i));
+        let kind = self.node_kind(value);
+        self.inline.pop();
+        let name = format!("{owner}/{}", i);
+        self.nodes[i] = kind.map(|kind| Node { name, span: value.span, kind });
+        Some(NodeRef(i))
+    }
+
+    /// Resolves a list of wires; at least one.
+    pub(super) fn wires(&mut self, value: &Value) -> Option<Vec<NodeRef>> {
+        let ValueKind::List(items) = &value.kind else {
+            crate::formula::decode::wrong_type(value, "a list of nodes such as [\"fold\", \"scale\"]", self.d);
+            return None;
+        };
+        if items.is_empty() {
+            self.d.push(Diagnostic::error("the list of nodes is empty").label(value.span, "name at least one node"));
+            return None;
+        }
+        let wires: Vec<Option<NodeRef>> = items.iter().map(|item| self.wire(item)).collect();
+        wires.into_iter().collect()
+    }
+
+    /// A wire that must be there.
+    pub(super) fn required_wire(&mut self, fields: &mut Fields, name: &'static str) -> Option<NodeRef> {
+        match fields.optional_value(name) {
+            Some(value) => self.wire(value),
+            None => {
+                let message = format!("the field `{name}` is missing");
+                let label = "it names the node to take";
+                self.d.push(Diagnostic::error(message).label(fields.span(), label));
+                None
+            }
+        }
+    }
+
+    /// The variables of parameter expressions.
+    pub(super) fn scope(&self) -> Scope<'static> {
+        let mut scope = base_scope();
+        for param in &self.params {
+            scope.push_constant(param.name.clone(), param.value);
+        }
+        scope
+    }
+
+    /// A number, or an expression of the fractal's parameters that gives one.
+    pub(super) fn number(&mut self, value: &Value, min: f64, max: f64) -> Option<f64> {
+        let number = match &value.kind {
+            ValueKind::Str(text) => {
+                let known = self.library.engine.expression(text, &mut self.scope());
+                match known.map(|v| v.as_float().or(v.as_int().map(|i| i as f64))) {
+                    Ok(Ok(x)) if x.is_finite() => x,
+                    Ok(_) => {
+                        self.d.push(Diagnostic::error("the expression does not give a finite number").label(value.span, ""));
+                        return None;
+                    }
+                    Err(message) => {
+                        self.bad_expression(&message, value.span);
+                        return None;
+                    }
+                }
+            }
+            _ => f64::from_value(value, self.d)?,
+        };
+        check_range(number, min, max, "the value", value.span, self.d).then_some(number)
+    }
+
+    pub(super) fn bad_expression(&mut self, message: &str, span: Span) {
+        let mut diagnostic = Diagnostic::error(message.to_string()).label(span, "in this expression");
+        if let Some(name) = message.strip_prefix("Variable not found: ") {
+            diagnostic = Diagnostic::error(format!("unknown parameter `{name}`"))
+                .label(span, "in this expression")
+                .did_you_mean(name, self.params.iter().map(|p| p.name.as_str()));
+            if diagnostic.help.is_empty() {
+                let names: Vec<&str> = self.params.iter().map(|p| p.name.as_str()).collect();
+                diagnostic = diagnostic.help(match names.is_empty() {
+                    true => format!("declare it: `params: {{ \"{name}\": (default: 1.0) }}`"),
+                    false => format!("the fractal's parameters are: {}", names.join(", ")),
+                });
+            }
+        }
+        self.d.push(diagnostic);
+    }
+
+    /// Three numbers, each a number or an expression.
+    pub(super) fn vector(&mut self, value: &Value, min: f64, max: f64) -> Option<[f64; 3]> {
+        match &value.kind {
+            ValueKind::List(items) | ValueKind::Tuple { name: None, items } if items.len() == 3 => {
+                let parts: Vec<Option<f64>> = items.iter().map(|item| self.number(item, min, max)).collect();
+                Some([parts[0]?, parts[1]?, parts[2]?])
+            }
+            _ => <[f64; 3]>::from_value(value, self.d),
+        }
+    }
+
+    /// A direction: three numbers that are not all 0, made to length 1.
+    pub(super) fn direction(&mut self, value: &Value) -> Option<[f64; 3]> {
+        let v = self.vector(value, -1e6, 1e6)?;
+        let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if length == 0.0 {
+            self.d.push(Diagnostic::error("a direction cannot be (0, 0, 0)").label(value.span, ""));
+            return None;
+        }
+        Some(v.map(|x| x / length))
+    }
+
+    /// The orbit's settings among `fields`; `base` holds for those that are not given.
+    pub(super) fn orbit_settings(&mut self, fields: &mut Fields, base: &OrbitSettings) -> OrbitSettings {
+        let mut settings = base.clone();
+        if let Some(value) = fields.optional_value("constant") {
+            settings.constant = self.constant(value).unwrap_or(settings.constant);
+        }
+        for (name, list) in [("pre", &mut settings.pre), ("post", &mut settings.post)] {
+            if let Some(value) = fields.optional_value(name) {
+                *list = self.wires(value).unwrap_or_default();
+            }
+        }
+        if let Some(value) = fields.optional_value("escape_radius") {
+            settings.escape_radius = self.number(value, 1e-3, 1e6).unwrap_or(settings.escape_radius);
+        }
+        if let Some(value) = fields.optional_value("max_iterations") {
+            let limit = self.number(value, 0.0, 10_000.0);
+            settings.max_iterations = limit.map_or(settings.max_iterations, |n| n as u32);
+        }
+        if let Some(value) = fields.optional_value("slice") {
+            settings.slice = self.number(value, -1e6, 1e6).unwrap_or(settings.slice);
+        }
+        if let Some(value) = fields.optional_value("estimate") {
+            settings.estimate = self.estimate(value).unwrap_or_default();
+        }
+        settings
+    }
+
+    /// `Mandelbrot`, `Julia((x, y, z))`, `Mix(julia: (x, y, z), amount: t)` or `Off`.
+    pub(super) fn constant(&mut self, value: &Value) -> Option<Constant> {
+        match &value.kind {
+            ValueKind::Variant(name) if name.text == "Mandelbrot" => Some(Constant::Mandelbrot),
+            ValueKind::Variant(name) if name.text == "Off" => Some(Constant::Off),
+            ValueKind::Tuple { name: Some(name), items } if name.text == "Julia" => match items.as_slice() {
+                [point] => self.vector(point, -1e6, 1e6).map(Constant::Julia),
+                [_, _, _] => {
+                    let point = Value::new(value.span, ValueKind::List(items.clone()));
+                    self.vector(&point, -1e6, 1e6).map(Constant::Julia)
+                }
+                _ => {
+                    self.d.push(Diagnostic::error("`Julia` needs a point").label(value.span, "write Julia((x, y, z))"));
+                    None
+                }
+            },
+            ValueKind::Struct { name: Some(name), .. } if name.text == "Mix" => {
+                let mut fields = Fields::new(value, "a mixed constant", self.d)?;
+                let julia = fields.optional_value("julia").and_then(|v| self.vector(v, -1e6, 1e6));
+                let amount = fields.optional_value("amount").and_then(|v| self.number(v, 0.0, 1.0));
+                let span = fields.span();
+                fields.finish(self.d);
+                if julia.is_none() || amount.is_none() {
+                    self.d.push(Diagnostic::error("`Mix` needs `julia: (x, y, z)` and `amount: 0.5`").label(span, ""));
+                }
+                Some(Constant::Mix(julia?, amount?))
+            }
+            _ => {
+                let expected = "Mandelbrot, Julia((x, y, z)), Mix(julia: (x, y, z), amount: 0.5) or Off";
+                let message = format!("expected a constant, found {}", value.describe());
+                self.d.push(Diagnostic::error(message).label(value.span, "").help(format!("constants are: {expected}")));
+                None
+            }
+        }
+    }
+
+    fn estimate(&mut self, value: &Value) -> Option<EstimateSettings> {
+        let mut fields = Fields::new(value, "an estimate", self.d)?;
+        let method = fields.optional_value("method").and_then(|v| {
+            self.word(v, "method", &Method::ALL.map(|m| (m.name(), Some(m)))).or_else(|| self.word(v, "method", &[("auto", None)]))
+        });
+        let form = fields.optional_value("form").and_then(|v| {
+            self.word(v, "form", &[("linear", Some(DeForm::Linear)), ("logarithmic", Some(DeForm::Logarithmic)), ("auto", None)])
+        });
+        let radius = fields.optional_value("radius").and_then(|v| self.number(v, 0.0, 1e6));
+        let fudge = fields.optional_value("fudge").and_then(|v| self.number(v, 1e-3, 1.0));
+        fields.finish(self.d);
+        Some(EstimateSettings { method: method.flatten(), form: form.flatten(), radius, fudge })
+    }
+
+    /// One of several words, in quotes or not, in any case.
+    pub(super) fn word<T: Copy>(&mut self, value: &Value, what: &str, words: &[(&str, T)]) -> Option<T> {
+        let text = match &value.kind {
+            ValueKind::Str(text) => text.clone(),
+            ValueKind::Variant(name) => name.text.clone(),
+            _ => String::new(),
+        };
+        if let Some((_, result)) = words.iter().find(|(word, _)| word.eq_ignore_ascii_case(&text)) {
+            return Some(*result);
+        }
+        let list: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
+        let message = format!("`{text}` is not a {what}");
+        self.d.push(Diagnostic::error(message).label(value.span, "").help(format!("choose one of: {}", list.join(", "))));
+        None
+    }
+
+    fn camera(&mut self, value: &Value) -> Option<Camera> {
+        let mut fields = Fields::new(value, "a camera", self.d)?;
+        let position = fields.optional_value("position");
+        let target = fields.optional_value("target").and_then(|v| self.vector(v, -1e9, 1e9)).unwrap_or([0.0; 3]);
+        let up = fields.optional_value("up").and_then(|v| self.direction(v)).unwrap_or([0.0, 0.0, 1.0]);
+        let fov = fields.optional_value("fov").and_then(|v| self.number(v, 0.001, 175.0)).unwrap_or(40.0);
+        let span = fields.span();
+        fields.finish(self.d);
+        let Some(position) = position else {
+            self.d.push(Diagnostic::error("a camera needs a `position`").label(span, ""));
+            return None;
+        };
+        let position = self.vector(position, -1e9, 1e9)?;
+        let view = [0, 1, 2].map(|i| target[i] - position[i]);
+        let side = cross(view, up);
+        if dot(side, side) <= 1e-12 * dot(view, view) {
+            let message = "the camera's position, target and up direction lie on one line";
+            self.d.push(Diagnostic::error(message).label(value.span, "").help("move the position, or choose another `up`"));
+            return None;
+        }
+        Some(Camera { position, target, up, fov: fov.to_radians() })
+    }
+
+    pub(super) fn unknown_node(&mut self, name: &Name) {
+        let mut candidates: Vec<&str> = super::nodes::KEYWORDS.to_vec();
+        candidates.extend(self.library.steps().map(|s| s.name.as_str()));
+        let mut diagnostic = Diagnostic::error(format!("unknown step or node kind `{}`", name.text))
+            .label(name.span, "not found")
+            .did_you_mean(&name.text, candidates);
+        if diagnostic.help.is_empty() {
+            diagnostic = diagnostic.help("`bulbfold list` shows all steps; a step of your own is one file, see --steps");
+        }
+        self.d.push(diagnostic);
+    }
+}
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// A node kind that the reader may return.
+pub(super) type Kind = Option<NodeKind>;

@@ -1,0 +1,208 @@
+//! Kernels: functions and the few loops around them, in a form that every back end can run.
+//!
+//! A [`Kernel`] is a straight-line [`Function`] applied to many elements, an [`Estimator`] (orbits iterated until they
+//! escape, and what is made of their end states), or a [`March`] (an estimator called along rays). In come columns of
+//! numbers, one a scalar of the kernel's inputs; out come columns of its outputs. A back end is a [`Backend`]: the
+//! [`cpu`] interpreter in f64 or wide f32, and the [`gpu`](crate::kernel::gpu) through generated [`wgsl`].
+
+pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
+pub mod tape;
+pub mod wgsl;
+
+use crate::expr::{Arena, Function, Port, Type};
+use crate::graph::Schedule;
+
+/// One iterated system: what is carried, how it starts, the maps that iterate it, and what its end state says.
+///
+/// Conventions for the functions' ports: `init` takes `p: vec3, h: number, hit_eps: number` and gives state then frozen values; every
+/// item takes state, frozen values and `n` (iterations done before it) and gives state then `escaped: boolean`;
+/// `finish` takes state, frozen values and `n` (iterations done at the end).
+#[derive(Clone, Debug)]
+pub struct Orbit {
+    /// Name in generated code.
+    pub name: String,
+    /// Values that change each iteration.
+    pub state: Vec<Port>,
+    /// Values that `init` fixes for the orbit, such as `c`.
+    pub frozen: Vec<Port>,
+    /// Start values.
+    pub init: Function,
+    /// The distinct maps of one iteration.
+    pub items: Vec<Function>,
+    /// Which item runs at which iteration.
+    pub schedule: Schedule,
+    /// Values made of the end state.
+    pub finish: Function,
+    /// Iterations after which a point counts as inside.
+    pub max_iterations: u32,
+}
+
+/// Orbits and what is made of them at a point: usually `de` and `inside`.
+///
+/// `combine` takes `p: vec3, h: number, hit_eps: number`, then for each orbit the outputs of its `finish`, `inside: boolean` and
+/// `n: number` (iterations done).
+#[derive(Clone, Debug)]
+pub struct Estimator {
+    /// The iterated systems.
+    pub orbits: Vec<Orbit>,
+    /// Joins their results; its outputs are the estimator's.
+    pub combine: Function,
+}
+
+/// An estimator called along rays until each has hit, missed or run out of steps.
+///
+/// The estimator's outputs start with `de: number, inside: boolean`. `locate` takes the [`RAY`] ports and the [`STATE`]
+/// ports and gives `p: vec3, h: number, hit_eps: number`; `advance` takes the same and `de, inside` and gives the new state.
+#[derive(Clone, Debug)]
+pub struct March {
+    /// What is called.
+    pub estimator: Estimator,
+    /// From ray and state to the point to estimate at.
+    pub locate: Function,
+    /// From ray, state and estimate to the new state.
+    pub advance: Function,
+    /// Estimates after which a ray counts as unfinished.
+    pub max_march_steps: u32,
+}
+
+/// What a back end can run.
+#[derive(Clone, Debug)]
+pub enum Kernel {
+    /// A function of each element.
+    Map(Function),
+    /// An estimator at each element.
+    Estimate(Estimator),
+    /// A march along each ray.
+    March(March),
+}
+
+/// Ports that describe a ray: origin, unit direction, and the range of its parameter.
+pub fn ray_ports() -> Vec<Port> {
+    vec![
+        Port::new("origin", Type::V3),
+        Port::new("direction", Type::V3),
+        Port::new("t_near", Type::F),
+        Port::new("t_far", Type::F),
+    ]
+}
+
+/// Ports that change along a march. `status` is 0 while it runs and one of [`Status`] after; `known` counts what the last
+/// estimates said (see [`crate::march`]).
+pub fn march_state_ports() -> Vec<Port> {
+    ["t", "t_outside", "t_inside", "last_de", "status"].map(|name| Port::new(name, Type::F)).to_vec()
+}
+
+/// Columns that a march gives: its state, then `steps` (estimates made), `iterations` (of all of them) and `nan` (1 where
+/// an estimate was not a number).
+pub fn march_output_ports() -> Vec<Port> {
+    let mut ports = march_state_ports();
+    ports.extend(["steps", "iterations", "nan"].map(|name| Port::new(name, Type::F)));
+    ports
+}
+
+/// How a march ended, as its `status` column says it.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Status {
+    /// The ray reached the surface at `t`.
+    Hit,
+    /// The ray left the bounding sphere.
+    Miss,
+    /// Steps ran out.
+    Unfinished,
+}
+
+impl Status {
+    /// The number in the column.
+    pub const fn code(self) -> f64 {
+        match self {
+            Status::Hit => 1.0,
+            Status::Miss => 2.0,
+            Status::Unfinished => 3.0,
+        }
+    }
+
+    /// The status of a column's number; anything that is neither hit nor miss is unfinished.
+    pub fn from_code(code: f64) -> Status {
+        match code as i32 {
+            1 => Status::Hit,
+            2 => Status::Miss,
+            _ => Status::Unfinished,
+        }
+    }
+}
+
+impl Estimator {
+    /// Elements whose `hit_eps` is negative are not wanted and give anything.
+    /// What goes in, all in world units: `p`, `h` (the step of finite differences) and `hit_eps` (the hit threshold, which
+    /// is how thick a shell counts).
+    pub fn inputs() -> Vec<Port> {
+        vec![Port::new("p", Type::V3), Port::new("h", Type::F), Port::new("hit_eps", Type::F)]
+    }
+}
+
+impl Kernel {
+    /// The columns that go in.
+    pub fn inputs(&self) -> Vec<Port> {
+        match self {
+            Kernel::Map(function) => function.inputs.clone(),
+            Kernel::Estimate(_) => Estimator::inputs(),
+            Kernel::March(_) => ray_ports(),
+        }
+    }
+
+    /// The columns that come out.
+    pub fn outputs(&self) -> Vec<Port> {
+        match self {
+            Kernel::Map(function) => function.output_ports(),
+            Kernel::Estimate(estimator) => estimator.combine.output_ports(),
+            Kernel::March(_) => march_output_ports(),
+        }
+    }
+}
+
+/// Something that runs kernels. Columns stay where the back end keeps them until they are downloaded.
+pub trait Backend {
+    /// A kernel made ready to run.
+    type Prepared;
+    /// Columns of equal length in the back end's memory.
+    type Columns;
+
+    /// Compiles a kernel.
+    fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<Self::Prepared, BackendError>;
+    /// Copies columns of equal length in.
+    fn upload(&self, columns: &[Vec<f64>]) -> Result<Self::Columns, BackendError>;
+    /// Copies columns out.
+    fn download(&self, columns: &Self::Columns) -> Result<Vec<Vec<f64>>, BackendError>;
+    /// Runs a kernel on the columns of all inputs, in order.
+    fn run(&self, kernel: &Self::Prepared, inputs: &[&Self::Columns]) -> Result<Self::Columns, BackendError>;
+}
+
+/// Why a back end could not do its work.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum BackendError {
+    /// There is no adapter of the kind asked for; the text says what was looked for.
+    NoAdapter(String),
+    /// The device was lost or refused its work; the text is the driver's.
+    DeviceLost(String),
+    /// The device has too little memory.
+    OutOfMemory(String),
+    /// Generated WGSL was refused: our bug. The text names the place.
+    InvalidWgsl(String),
+}
+
+impl std::fmt::Display for BackendError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            BackendError::NoAdapter(text) => write!(f, "no GPU adapter: {text}"),
+            BackendError::DeviceLost(text) => write!(f, "the GPU device was lost: {text}"),
+            BackendError::OutOfMemory(text) => write!(f, "the GPU has too little memory: {text}"),
+            BackendError::InvalidWgsl(text) => {
+                write!(f, "generated WGSL was refused, which is a bug in bulbfold; please report the formula file and this:\n{text}")
+            }
+        }
+    }
+}
+
+impl std::error::Error for BackendError {}

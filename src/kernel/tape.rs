@@ -1,0 +1,426 @@
+//! The CPU's form of a function: instructions over numbered registers, one register a scalar.
+//!
+//! Vectors are lists of registers, so composing, splatting and taking components cost nothing; components that nothing
+//! reads are not computed. Registers are reused as soon as their value is dead, which keeps the working set small: a
+//! register holds a whole pack of rays.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::fmt::Write as _;
+
+use crate::expr::ops::{Operands, Operator};
+use crate::expr::{Arena, Function, NodeId, Op, Port};
+
+/// What an instruction does.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Code {
+    /// A componentwise operator.
+    Apply(Operator),
+    /// `dst[0]` is the sum of the products of the first two arguments.
+    Dot,
+    /// `dst[0]` and `dst[1]` are sine and cosine of the first argument's first component.
+    SinCos,
+    /// `dst` is the first argument.
+    Copy,
+}
+
+/// One instruction.
+#[derive(Clone, Copy, Debug)]
+pub struct Instruction {
+    /// What to do.
+    pub code: Code,
+    /// With which registers.
+    pub operands: Operands,
+}
+
+/// Constants shared by the tapes that run on one register file: bits of each value and its register.
+#[derive(Clone, Debug, Default)]
+pub struct Constants {
+    registers: BTreeMap<u64, u16>,
+}
+
+impl Constants {
+    /// Values and their registers.
+    pub fn iter(&self) -> impl Iterator<Item = (u16, f64)> + '_ {
+        self.registers.iter().map(|(bits, register)| (*register, f64::from_bits(*bits)))
+    }
+}
+
+/// A function as instructions.
+#[derive(Clone, Debug)]
+pub struct Tape {
+    /// The function's name.
+    pub name: String,
+    /// In order.
+    pub instructions: Vec<Instruction>,
+    /// The register of each scalar of the inputs.
+    pub inputs: Vec<u16>,
+    /// The register of each scalar of the outputs.
+    pub outputs: Vec<u16>,
+    /// Registers that the tape needs in all.
+    pub register_count: usize,
+}
+
+/// Where a tape's pinned registers lie: inputs from `inputs_at`; constants and temporaries from `free_from`.
+#[derive(Clone, Copy, Debug)]
+pub struct Layout {
+    /// First input register.
+    pub inputs_at: u16,
+    /// First register that no tape of the group pins.
+    pub free_from: u16,
+}
+
+/// Lowers functions that share a register file. `constants` are shared and lie directly at `free_from`.
+pub fn lower_group(arena: &Arena, functions: &[(&Function, u16)], free_from: u16) -> (Vec<Tape>, Constants) {
+    let mut constants = Constants::default();
+    for (function, _) in functions {
+        collect_constants(arena, function, free_from, &mut constants);
+    }
+    let first_temporary = free_from + constants.registers.len() as u16;
+    let tapes = functions
+        .iter()
+        .map(|(function, inputs_at)| {
+            Lowering::new(arena, function, *inputs_at, &constants, first_temporary).finish()
+        })
+        .collect();
+    (tapes, constants)
+}
+
+fn collect_constants(arena: &Arena, function: &Function, free_from: u16, constants: &mut Constants) {
+    for id in function.nodes(arena) {
+        let node = arena.node(id);
+        if let Some(values) = node.constant() {
+            for value in &values[..node.ty.width as usize] {
+                let next = free_from + constants.registers.len() as u16;
+                constants.registers.entry(value.to_bits()).or_insert(next);
+            }
+        }
+    }
+}
+
+struct Lowering<'a> {
+    arena: &'a Arena,
+    function: &'a Function,
+    nodes: Vec<NodeId>,
+    needed: HashMap<NodeId, u8>,
+    uses: HashMap<NodeId, u32>,
+    /// Products that the sum that reads them computes.
+    absorbed: HashSet<NodeId>,
+    /// Virtual register of each component; pinned ones first.
+    registers: HashMap<NodeId, [u32; 4]>,
+    constants: &'a Constants,
+    inputs_at: u16,
+    pinned: u32,
+    next_virtual: u32,
+    instructions: Vec<(Code, Operands32)>,
+}
+
+/// Operands before registers are allocated.
+#[derive(Clone, Copy, Default)]
+struct Operands32 {
+    width: u8,
+    dst: [u32; 4],
+    args: [[u32; 4]; 3],
+    /// Arguments in use.
+    arity: u8,
+    dst_count: u8,
+}
+
+impl<'a> Lowering<'a> {
+    fn new(
+        arena: &'a Arena,
+        function: &'a Function,
+        inputs_at: u16,
+        constants: &'a Constants,
+        first_temporary: u16,
+    ) -> Self {
+        let nodes = function.nodes(arena);
+        let mut lowering = Lowering {
+            arena,
+            function,
+            nodes,
+            needed: HashMap::new(),
+            uses: HashMap::new(),
+            absorbed: HashSet::new(),
+            registers: HashMap::new(),
+            constants,
+            inputs_at,
+            pinned: u32::from(first_temporary),
+            next_virtual: u32::from(first_temporary),
+            instructions: Vec::new(),
+        };
+        lowering.find_needed();
+        lowering.find_absorbed();
+        lowering
+    }
+
+    /// Marks the components that the outputs depend on, and counts uses of each node.
+    fn find_needed(&mut self) {
+        for (port, id) in &self.function.outputs {
+            *self.needed.entry(*id).or_default() |= mask(port.ty.width);
+            *self.uses.entry(*id).or_default() += 2; // an output is never fused away
+        }
+        for &id in self.nodes.iter().rev() {
+            let bits = self.needed.get(&id).copied().unwrap_or(0);
+            if bits == 0 {
+                continue;
+            }
+            let node = self.arena.node(id);
+            for (i, arg) in node.args().iter().enumerate() {
+                let from_arg = match node.op {
+                    Op::Compose => u8::from(bits >> i & 1 == 1),
+                    Op::Splat => 1,
+                    Op::Extract(k) => 1 << k,
+                    Op::Dot => mask(self.arena.node(*arg).ty.width),
+                    _ => bits,
+                };
+                *self.needed.entry(*arg).or_default() |= from_arg;
+                *self.uses.entry(*arg).or_default() += 1;
+            }
+        }
+    }
+
+    fn fresh(&mut self) -> u32 {
+        self.next_virtual += 1;
+        self.next_virtual - 1
+    }
+
+    fn lower_node(&mut self, id: NodeId) {
+        let bits = self.needed.get(&id).copied().unwrap_or(0);
+        if bits == 0 || self.registers.contains_key(&id) {
+            return;
+        }
+        let node = self.arena.node(id);
+        let args = node.args();
+        let known: Vec<[u32; 4]> = args.iter().map(|a| self.registers.get(a).copied().unwrap_or([0; 4])).collect();
+        let of = |k: usize| known[k];
+        let registers = match node.op {
+            Op::Const(values) => {
+                let mut registers = [0; 4];
+                for i in 0..node.ty.width as usize {
+                    registers[i] = u32::from(self.constants.registers[&values[i]]);
+                }
+                registers
+            }
+            Op::Input(number) => {
+                let before = Port::scalars(&self.function.inputs[..number as usize]) as u32;
+                std::array::from_fn(|i| u32::from(self.inputs_at) + before + i as u32)
+            }
+            Op::Compose => std::array::from_fn(|i| match args.get(i) {
+                Some(arg) if bits >> i & 1 == 1 => self.registers[arg][0],
+                _ => 0,
+            }),
+            Op::Splat => [of(0)[0]; 4],
+            Op::Extract(k) => [of(0)[k as usize]; 4],
+            Op::Dot => {
+                let d = self.fresh();
+                let width = self.arena.node(args[0]).ty.width;
+                self.emit(Code::Dot, width, [d, 0, 0, 0], 1, &[of(0), of(1)]);
+                [d; 4]
+            }
+            Op::Apply(operator) => self.lower_apply(id, operator, bits),
+        };
+        self.registers.insert(id, registers);
+    }
+
+    fn lower_apply(&mut self, id: NodeId, operator: Operator, bits: u8) -> [u32; 4] {
+        let node = self.arena.node(id);
+        if matches!(operator, Operator::Sin | Operator::Cos)
+            && node.ty.width == 1
+            && let Some(registers) = self.fuse_sin_cos(operator, node.args()[0])
+        {
+            return registers;
+        }
+        let (operator, arguments) = self.fuse_mul_add(operator, node.args());
+        let mut registers = [0; 4];
+        let mut dst = [0; 4];
+        let mut args = [[0; 4]; 3];
+        let mut width = 0;
+        for i in (0..4).filter(|i| bits >> i & 1 == 1) {
+            registers[i] = self.fresh();
+            dst[width] = registers[i];
+            for (k, argument) in arguments.iter().enumerate() {
+                args[k][width] = self.registers[argument][i];
+            }
+            width += 1;
+        }
+        self.emit(Code::Apply(operator), width as u8, dst, width as u8, &args[..arguments.len()]);
+        registers
+    }
+
+    /// `a * b + c`, where nothing else reads the product, is one instruction: finds such products.
+    fn find_absorbed(&mut self) {
+        for &id in &self.nodes {
+            let node = self.arena.node(id);
+            if node.op != Op::Apply(Operator::Add) || !self.needed.contains_key(&id) {
+                continue;
+            }
+            let fusible = |p: &&NodeId| {
+                self.arena.node(**p).op == Op::Apply(Operator::Mul) && self.uses.get(p) == Some(&1)
+            };
+            if let Some(product) = node.args().iter().find(fusible) {
+                self.absorbed.insert(*product);
+            }
+        }
+    }
+
+    /// The operator and arguments that compute a node, with an absorbed product taken in.
+    fn fuse_mul_add(&self, operator: Operator, args: &[NodeId]) -> (Operator, Vec<NodeId>) {
+        if operator == Operator::Add {
+            for (product, other) in [(args[0], args[1]), (args[1], args[0])] {
+                if self.absorbed.contains(&product) {
+                    let node = self.arena.node(product);
+                    return (Operator::MulAdd, vec![node.args()[0], node.args()[1], other]);
+                }
+            }
+        }
+        (operator, args.to_vec())
+    }
+
+    /// Sine and cosine of one angle are one instruction where both are needed.
+    fn fuse_sin_cos(&mut self, operator: Operator, angle: NodeId) -> Option<[u32; 4]> {
+        let other = if operator == Operator::Sin { Operator::Cos } else { Operator::Sin };
+        let twin = *self.nodes.iter().find(|&&id| {
+            let node = self.arena.node(id);
+            node.op == Op::Apply(other) && node.args()[0] == angle && self.needed.contains_key(&id)
+        })?;
+        let (sin, cos) = (self.fresh(), self.fresh());
+        let angle = self.registers[&angle];
+        self.emit(Code::SinCos, 1, [sin, cos, 0, 0], 2, &[angle]);
+        let (own, twins) = if operator == Operator::Sin { (sin, cos) } else { (cos, sin) };
+        self.registers.insert(twin, [twins; 4]);
+        Some([own; 4])
+    }
+
+    fn emit(&mut self, code: Code, width: u8, dst: [u32; 4], dst_count: u8, arguments: &[[u32; 4]]) {
+        let mut args = [[0; 4]; 3];
+        args[..arguments.len()].copy_from_slice(arguments);
+        let operands = Operands32 { width, dst, args, arity: arguments.len() as u8, dst_count };
+        self.instructions.push((code, operands));
+    }
+
+    fn finish(mut self) -> Tape {
+        for id in self.nodes.clone() {
+            if !self.absorbed.contains(&id) {
+                self.lower_node(id);
+            }
+        }
+        let outputs = self.lower_outputs();
+        self.allocate(outputs)
+    }
+
+    /// Virtual registers of the outputs; an output that is another input's register, or a constant, is copied, so that
+    /// outputs may be written back over the inputs in any order.
+    fn lower_outputs(&mut self) -> Vec<u32> {
+        let mut outputs = Vec::new();
+        for (port, id) in &self.function.outputs {
+            for i in 0..port.ty.width as usize {
+                let position = u32::from(self.inputs_at) + outputs.len() as u32;
+                let register = self.registers[id][i];
+                if register < self.pinned && register != position {
+                    let d = self.fresh();
+                    self.emit(Code::Copy, 1, [d, 0, 0, 0], 1, &[[register, 0, 0, 0]]);
+                    outputs.push(d);
+                } else {
+                    outputs.push(register);
+                }
+            }
+        }
+        outputs
+    }
+
+    /// Maps virtual to physical registers: pinned ones stay, temporaries are reused after their last use.
+    fn allocate(self, outputs: Vec<u32>) -> Tape {
+        let mut last_use: HashMap<u32, usize> = HashMap::new();
+        for (position, (_, operands)) in self.instructions.iter().enumerate() {
+            for register in operands.sources().chain(operands.targets()) {
+                last_use.insert(register, position);
+            }
+        }
+        last_use.extend(outputs.iter().map(|&register| (register, usize::MAX)));
+        let mut physical: HashMap<u32, u16> = HashMap::new();
+        let mut free: Vec<u16> = Vec::new();
+        let mut count = self.pinned as u16;
+        let pinned = self.pinned;
+        let place = |map: &HashMap<u32, u16>, register: u32| {
+            if register < pinned { register as u16 } else { map[&register] }
+        };
+        let mut instructions = Vec::with_capacity(self.instructions.len());
+        for (position, (code, operands)) in self.instructions.iter().enumerate() {
+            for register in operands.targets() {
+                let slot = free.pop().unwrap_or_else(|| {
+                    count += 1;
+                    count - 1
+                });
+                physical.insert(register, slot);
+            }
+            let mut result = Operands { width: operands.width, ..Operands::default() };
+            for (k, register) in operands.targets().enumerate() {
+                result.dst[k] = place(&physical, register);
+            }
+            for k in 0..operands.arity as usize {
+                for i in 0..operands.width as usize {
+                    result.args[k][i] = place(&physical, operands.args[k][i]);
+                }
+            }
+            let mut dead: Vec<u32> = operands.sources().chain(operands.targets()).collect();
+            dead.sort_unstable();
+            dead.dedup();
+            for register in dead {
+                if register >= pinned && last_use[&register] == position {
+                    free.push(physical[&register]);
+                }
+            }
+            instructions.push(Instruction { code: *code, operands: result });
+        }
+        let input_count = Port::scalars(&self.function.inputs) as u16;
+        Tape {
+            name: self.function.name.clone(),
+            instructions,
+            inputs: (self.inputs_at..self.inputs_at + input_count).collect(),
+            outputs: outputs.iter().map(|&register| place(&physical, register)).collect(),
+            register_count: count as usize,
+        }
+    }
+}
+
+impl Operands32 {
+    fn sources(&self) -> impl Iterator<Item = u32> + '_ {
+        self.args[..self.arity as usize].iter().flat_map(|a| a[..self.width as usize].iter().copied())
+    }
+
+    fn targets(&self) -> impl Iterator<Item = u32> + '_ {
+        self.dst[..self.dst_count as usize].iter().copied()
+    }
+}
+
+fn mask(width: u8) -> u8 {
+    (1 << width) - 1
+}
+
+impl Tape {
+    /// A listing, one instruction a line.
+    pub fn listing(&self, constants: &Constants) -> String {
+        let mut text = format!("{} ({} instructions, {} registers)\n", self.name, self.instructions.len(), self.register_count);
+        let values: HashMap<u16, f64> = constants.iter().collect();
+        let name = |register: u16| match values.get(&register) {
+            Some(value) => format!("{value}"),
+            None if self.inputs.contains(&register) => format!("in{}", register - self.inputs[0]),
+            None => format!("r{register}"),
+        };
+        let list = |registers: &[u16]| registers.iter().map(|&r| name(r)).collect::<Vec<_>>().join(" ");
+        for instruction in &self.instructions {
+            let o = &instruction.operands;
+            let width = o.width as usize;
+            let (label, targets, arity) = match instruction.code {
+                Code::Apply(operator) => (operator.info().name, width, operator.info().arity),
+                Code::Dot => ("dot", 1, 2),
+                Code::SinCos => ("sin_cos", 2, 1),
+                Code::Copy => ("copy", 1, 1),
+            };
+            let arguments: Vec<String> = o.args[..arity].iter().map(|a| list(&a[..width])).collect();
+            let _ = writeln!(text, "  {} = {label} {}", list(&o.dst[..targets]), arguments.join(", "));
+        }
+        let _ = writeln!(text, "  return {}", list(&self.outputs));
+        text
+    }
+}

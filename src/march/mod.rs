@@ -1,0 +1,138 @@
+//! Marching: rays through an estimator until they hit, miss or run out of steps.
+//!
+//! In comes an estimator with `de, inside`; out comes a [`March`] kernel. Everything a march does between two estimates
+//! is straight-line and stands here as expressions, once for all back ends: where to estimate ([`compose_march`]'s
+//! `locate`) and what to make of the answer (`advance`). Rules: a step is the estimate times `fudge`, at least the hit
+//! threshold; an estimate under the threshold whose point is still outside is walked on from, so only a point that is
+//! inside stops the ray; from there it bisects back to the boundary.
+
+use crate::expr::{Arena, Expr, Function, Port, Type};
+use crate::kernel::{Estimator, March, Status, march_state_ports, ray_ports};
+
+/// How far rays go and when they stop.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct MarchSettings {
+    /// Step multiplier in (0, 1].
+    pub fudge: f64,
+    /// Radius of a pixel at distance 1.
+    pub pixel_radius: f64,
+    /// Part of the hit threshold that does not grow with distance, in world units.
+    pub hit_eps: f64,
+    /// Estimates after which a ray is unfinished.
+    pub max_march_steps: u32,
+}
+
+impl Default for MarchSettings {
+    fn default() -> Self {
+        MarchSettings { fudge: 1.0, pixel_radius: 1e-3, hit_eps: 0.0, max_march_steps: 1000 }
+    }
+}
+
+/// Share of the hit threshold that bisection narrows a hit down to.
+const BISECTION: f64 = 1.0 / 16.0;
+/// Least step of finite differences, as a share of the distance to the estimated point or of 1: below it single
+/// precision has no digits left.
+const MIN_DIFFERENCE: f64 = 1e-5;
+
+/// Expressions of a ray and its state, as inputs of `locate` and `advance`.
+struct Inputs<'g> {
+    origin: Expr<'g>,
+    direction: Expr<'g>,
+    t_near: Expr<'g>,
+    t_far: Expr<'g>,
+    t: Expr<'g>,
+    t_outside: Expr<'g>,
+    t_inside: Expr<'g>,
+    last_de: Expr<'g>,
+    status: Expr<'g>,
+}
+
+fn ports() -> Vec<Port> {
+    let mut ports = ray_ports();
+    ports.extend(march_state_ports());
+    ports
+}
+
+impl<'g> Inputs<'g> {
+    fn new(arena: &'g Arena) -> Inputs<'g> {
+        let all: Vec<Expr> = ports().iter().enumerate().map(|(i, port)| arena.input(i as u16, port.ty)).collect();
+        Inputs {
+            origin: all[0],
+            direction: all[1],
+            t_near: all[2],
+            t_far: all[3],
+            t: all[4],
+            t_outside: all[5],
+            t_inside: all[6],
+            last_de: all[7],
+            status: all[8],
+        }
+    }
+
+    fn hit_eps(&self, settings: &MarchSettings) -> Expr<'g> {
+        self.t * settings.pixel_radius + settings.hit_eps
+    }
+}
+
+/// Joins an estimator with the march's own functions.
+pub fn compose_march(arena: &Arena, estimator: Estimator, settings: &MarchSettings) -> March {
+    March {
+        estimator,
+        locate: compose_locate(arena, settings),
+        advance: compose_advance(arena, settings),
+        max_march_steps: settings.max_march_steps,
+    }
+}
+
+/// The point to estimate at, the step of finite differences there, and the hit threshold.
+fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
+    let mut function = Function::new("locate", ports());
+    let ray = Inputs::new(arena);
+    let p = ray.origin + ray.direction * ray.t;
+    let largest = {
+        let sizes = p.abs().components();
+        sizes[0].max(sizes[1]).max(sizes[2]).max(arena.f(1.0))
+    };
+    // A hundredth of the last estimate; before the first one, of the threshold's order.
+    let wanted = ray.last_de * 0.01;
+    function.output("p", p);
+    function.output("h", wanted.max(largest * MIN_DIFFERENCE));
+    function.output("hit_eps", ray.hit_eps(settings));
+    function
+}
+
+/// The new state of a ray from its state and the estimate at `t`.
+fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
+    let mut inputs = ports();
+    let first = inputs.len() as u16;
+    inputs.push(Port::new("de", Type::F));
+    inputs.push(Port::new("inside", Type::B));
+    let mut function = Function::new("advance", inputs);
+    let ray = Inputs::new(arena);
+    let de = arena.input(first, Type::F);
+    let inside = arena.input(first + 1, Type::B);
+    let (zero, unknown) = (arena.f(0.0), arena.f(-1.0));
+    let hit_eps = ray.hit_eps(settings);
+
+    let t_inside = inside.select(ray.t, ray.t_inside);
+    let t_outside = inside.select(ray.t_outside, ray.t);
+    let crossed = zero.le(t_inside);
+    let started_inside = crossed.and(t_outside.lt(zero));
+
+    // Marching: forward by the estimate. Bisecting: to the middle. A NaN estimate walks on.
+    let usable = zero.le(de).select(de, zero);
+    let forward = ray.t + (usable * settings.fudge).max(hit_eps);
+    let middle = (t_inside + t_outside) * 0.5;
+    let narrow = (t_inside - t_outside).le(hit_eps * BISECTION);
+    let hit = crossed.and(narrow.or(started_inside));
+    let miss = crossed.not().and(ray.t_far.le(forward));
+    let code = |status: Status| arena.f(status.code());
+    let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
+    let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, forward.min(ray.t_far)));
+    function.output("t", t);
+    function.output("t_outside", t_outside.max(unknown));
+    function.output("t_inside", t_inside);
+    function.output("last_de", usable);
+    function.output("status", status);
+    function
+}

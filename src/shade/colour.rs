@@ -1,0 +1,121 @@
+//! Light and colour of a pixel, and its encoding for the film.
+
+use super::{CameraFrame, HitInputs};
+use crate::expr::{Arena, Expr, Function, Port, Type};
+use crate::graph::Look;
+use crate::kernel::{Status, march_output_ports, ray_ports};
+
+/// Ray, march, surface and (where shadows are on) shadow march to a linear colour between 0 and 1.
+pub fn compose_colour(arena: &Arena, look: &Look, frame: &CameraFrame, bounding_radius: f64) -> Function {
+    let mut ports = ray_ports();
+    ports.extend(march_output_ports());
+    let surface_at = ports.len() as u16;
+    ports.push(Port::new("gradient", Type::V3));
+    ports.push(Port::new("trap", Type::V4));
+    let shadow_at = ports.len() as u16;
+    if look.shadows {
+        ports.extend(march_output_ports().into_iter().map(|p| Port::new(format!("shadow_{}", p.name), p.ty)));
+    }
+    let ray = HitInputs::new(arena, 0);
+    let trap = arena.input(surface_at + 1, Type::V4);
+    let normal = facing_normal(arena.input(surface_at, Type::V3), ray.direction);
+    let lit = look.shadows.then(|| {
+        let position = march_output_ports().iter().position(|p| p.name == "status").expect("a march has a status");
+        let status = arena.input(shadow_at + position as u16, Type::F);
+        status.equals(arena.f(Status::Hit.code())).select(arena.f(0.0), arena.f(1.0))
+    });
+    let albedo = palette(arena, look, trap);
+    let light = lighting(arena, look, frame, &ray, normal, trap, lit);
+    let background = background(arena, look, frame, ray.direction);
+    let mut surface = albedo * light;
+    if look.fog > 0.0 {
+        let kept = (ray.t * (-look.fog / bounding_radius)).exp();
+        surface = background.mix(surface, kept);
+    }
+    let colour = ray.is_hit.select(tone_map(surface), background);
+    let mut function = Function::new("colour", ports);
+    function.output("colour", colour);
+    function
+}
+
+/// The gradient, turned towards the viewer; a gradient that is not a number or 0 becomes the view direction.
+fn facing_normal<'g>(gradient: Expr<'g>, direction: Expr<'g>) -> Expr<'g> {
+    let arena = gradient.arena;
+    let usable = arena.f(1e-12).lt(gradient.dot(gradient));
+    let normal = usable.select(gradient, -direction);
+    let away = normal.dot(direction);
+    let turned = normal - direction * (away.max(arena.f(0.0)) * 1.2);
+    turned.normalize()
+}
+
+/// Base colour with those of the planes and the origin blended in where the orbit came near them (after Quilez).
+fn palette<'g>(arena: &'g Arena, look: &Look, trap: Expr<'g>) -> Expr<'g> {
+    let near = |i: u8, falloff: f64| (trap.component(i) * -falloff).exp();
+    let colours = look.palette.map(|c| arena.v3(c));
+    let planes = colours[0].mix(colours[2], near(1, 4.0)).mix(colours[3], near(2, 4.0)).mix(colours[4], near(3, 4.0));
+    planes.mix(colours[1], near(0, 2.5))
+}
+
+/// Light that reaches the surface: sun, sky and a little bounced from below.
+fn lighting<'g>(
+    arena: &'g Arena,
+    look: &Look,
+    frame: &CameraFrame,
+    ray: &HitInputs<'g>,
+    normal: Expr<'g>,
+    trap: Expr<'g>,
+    lit: Option<Expr<'g>>,
+) -> Expr<'g> {
+    let zero = arena.f(0.0);
+    let sun_direction = arena.v3(sun_direction(look, frame));
+    let facing = normal.dot(sun_direction).max(zero);
+    let half = (sun_direction - ray.direction).normalize();
+    let gloss = normal.dot(half).max(zero).powi(16) * 0.25;
+    let direct = lit.map_or(facing, |lit| facing * lit);
+    let sun = arena.v3(look.sun) * (direct * (gloss + 1.0));
+    let occlusion = occlusion(arena, look, ray, trap);
+    let up = normal.dot(arena.v3(frame.up)) * 0.5 + 0.5;
+    let sky = arena.v3(look.sky) * ((up * 0.8 + 0.2) * occlusion);
+    let bounce = arena.v3(look.sun) * ((1.0 - up) * occlusion * 0.06);
+    sun * (occlusion * 0.5 + 0.5) + sky + bounce
+}
+
+/// How much of the sky a point sees, from what the march already knows: many steps mean narrow places, and an orbit
+/// that came near the origin means a deep one.
+fn occlusion<'g>(arena: &'g Arena, look: &Look, ray: &HitInputs<'g>, trap: Expr<'g>) -> Expr<'g> {
+    if look.occlusion == 0.0 {
+        return arena.f(1.0);
+    }
+    let by_steps = 1.0 / (ray.steps * ray.steps * (1.0 / 6000.0) + 1.0);
+    let by_trap = 1.0 - (trap.component(0) * -6.0).exp() * 0.6;
+    arena.f(1.0).mix(by_steps * by_trap, arena.f(look.occlusion))
+}
+
+/// Direction towards the sun in world coordinates.
+pub(crate) fn sun_direction(look: &Look, frame: &CameraFrame) -> [f64; 3] {
+    let [right, up, back] = look.sun_direction;
+    let v = [0, 1, 2].map(|i| frame.right[i] * right + frame.up[i] * up - frame.forward[i] * back);
+    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    v.map(|x| x / length)
+}
+
+fn background<'g>(arena: &'g Arena, look: &Look, frame: &CameraFrame, direction: Expr<'g>) -> Expr<'g> {
+    let height = (direction.dot(arena.v3(frame.up)) * 1.6 + 0.5).clamp(arena.f(0.0), arena.f(1.0));
+    arena.v3(look.background[0]).mix(arena.v3(look.background[1]), height)
+}
+
+/// Compresses bright light smoothly into 0 to 1 (the rational fit of the ACES curve by Narkowicz, 2015).
+fn tone_map(colour: Expr<'_>) -> Expr<'_> {
+    let x = colour * 0.62;
+    let mapped = x * (x * 2.51 + 0.03) / (x * (x * 2.43 + 0.59) + 0.14);
+    mapped.clamp(colour.arena.f(0.0), colour.arena.f(1.0))
+}
+
+/// Linear colours to sRGB (IEC 61966-2-1), 0 to 1.
+pub fn compose_encode(arena: &Arena) -> Function {
+    let mut function = Function::new("encode", vec![Port::new("colour", Type::V3)]);
+    let colour = arena.input(0, Type::V3).clamp(arena.f(0.0), arena.f(1.0));
+    let curve = colour.max(arena.f(1e-6)).pow(arena.f(1.0 / 2.4)) * 1.055 - 0.055;
+    function.output("srgb", colour.le(arena.f(0.003_130_8)).select(colour * 12.92, curve));
+    function
+}

@@ -1,0 +1,157 @@
+//! Shading: camera rays, surface points, shadow rays, light and colour, all as expressions.
+//!
+//! Nothing here loops or branches: each function is straight-line, specialised to the scene, and reaches every back end
+//! the way formula steps do. Colours are linear until [`compose_encode`].
+
+mod colour;
+
+pub use colour::{compose_colour, compose_encode};
+pub(crate) use colour::sun_direction;
+
+use crate::expr::{Arena, Expr, Function, Port, Type};
+use crate::graph::Camera;
+use crate::kernel::{Status, march_output_ports, ray_ports};
+
+/// Picture geometry.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Size {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+/// The camera's frame: unit vectors to the right, up and forward, in world coordinates.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct CameraFrame {
+    /// To the right of the picture.
+    pub right: [f64; 3],
+    /// To its top.
+    pub up: [f64; 3],
+    /// Into it.
+    pub forward: [f64; 3],
+}
+
+impl CameraFrame {
+    /// The frame of a camera whose position, target and up direction do not lie on one line.
+    pub fn new(camera: &Camera) -> CameraFrame {
+        use glam::DVec3;
+        let forward = (DVec3::from(camera.target) - DVec3::from(camera.position)).normalize();
+        let right = forward.cross(DVec3::from(camera.up)).normalize();
+        CameraFrame { right: right.into(), up: right.cross(forward).into(), forward: forward.into() }
+    }
+}
+
+/// The camera for a field that nobody framed: from the front right and above, so that the bounding sphere fills the
+/// picture.
+pub fn frame_automatically(bounding_radius: f64) -> Camera {
+    let fov = 35f64.to_radians();
+    // Fractals rarely fill their bounding sphere: frame nine tenths of it.
+    let distance = 0.9 * bounding_radius / (fov / 2.0).sin();
+    let direction = glam::DVec3::new(0.42, -0.80, 0.43).normalize();
+    Camera { position: (direction * distance).into(), target: [0.0; 3], up: [0.0, 0.0, 1.0], fov }
+}
+
+/// Radius of a pixel at distance 1.
+pub fn pixel_radius(camera: &Camera, size: Size) -> f64 {
+    (camera.fov / 2.0).tan() / f64::from(size.height)
+}
+
+/// Pixel coordinates (`x` to the right, `y` down, centres at halves) to rays through the bounding sphere.
+pub fn compose_camera(arena: &Arena, camera: &Camera, size: Size, bounding_radius: f64) -> Function {
+    let mut function = Function::new("camera", vec![Port::new("x", Type::F), Port::new("y", Type::F)]);
+    let (x, y) = (arena.input(0, Type::F), arena.input(1, Type::F));
+    let frame = CameraFrame::new(camera);
+    let pixel = 2.0 * pixel_radius(camera, size);
+    let right = (x - f64::from(size.width) / 2.0) * pixel;
+    let up = (y - f64::from(size.height) / 2.0) * -pixel;
+    let direction = (arena.v3(frame.right) * right + arena.v3(frame.up) * up + arena.v3(frame.forward)).normalize();
+    let origin = arena.v3(camera.position);
+    let (near, far) = sphere_range(origin, direction, bounding_radius);
+    output_ray(&mut function, origin, direction, near, far);
+    function
+}
+
+fn output_ray(function: &mut Function, origin: Expr, direction: Expr, near: Expr, far: Expr) {
+    for (port, e) in ray_ports().into_iter().zip([origin, direction, near, far]) {
+        function.output(port.name, e);
+    }
+}
+
+/// Where a ray is inside the bounding sphere; an empty range where it misses it.
+fn sphere_range<'g>(origin: Expr<'g>, direction: Expr<'g>, radius: f64) -> (Expr<'g>, Expr<'g>) {
+    let arena = origin.arena;
+    let zero = arena.f(0.0);
+    let middle = -origin.dot(direction);
+    // The closest point to the centre: exact where origin and radius are both large.
+    let closest = origin + direction * middle;
+    let half_sq = closest.dot(closest) * -1.0 + radius * radius;
+    let half = half_sq.max(zero).sqrt();
+    let near = (middle - half).max(zero);
+    let far = half_sq.lt(zero).select(arena.f(-1.0), middle + half);
+    (near, far)
+}
+
+/// Rays and march results to the points where surfaces are looked at: a hit threshold in front of the hit, so that
+/// normals are those of features about as large as a pixel. Other pixels get a negative `hit_eps`.
+pub fn compose_surface_point(arena: &Arena, pixel_radius: f64) -> Function {
+    let mut ports = ray_ports();
+    ports.extend(march_output_ports());
+    let mut function = Function::new("surface_point", ports);
+    let ray = HitInputs::new(arena, 0);
+    let hit_eps = ray.t * pixel_radius;
+    let t = ray.t - hit_eps;
+    function.output("p", ray.origin + ray.direction * t);
+    function.output("h", (hit_eps * 0.1).max(ray.t * 1e-6 + 1e-5));
+    function.output("hit_eps", ray.is_hit.select(hit_eps, arena.f(-1.0)));
+    function
+}
+
+/// Rays towards the sun. Their parameter starts at the hit's own, so that thresholds stay those of the pixel.
+pub fn compose_shadow_ray(arena: &Arena, sun: [f64; 3], pixel_radius: f64, bounding_radius: f64) -> Function {
+    let mut ports = ray_ports();
+    ports.extend(march_output_ports());
+    ports.push(Port::new("gradient", Type::V3));
+    ports.push(Port::new("trap", Type::V4));
+    let mut function = Function::new("shadow_ray", ports);
+    let ray = HitInputs::new(arena, 0);
+    let first = (ray_ports().len() + march_output_ports().len()) as u16;
+    let normal = arena.input(first, Type::V3);
+    let sun_direction = arena.v3(sun);
+    let hit_eps = ray.t * pixel_radius;
+    let start = ray.origin + ray.direction * (ray.t - hit_eps) + normal * (hit_eps * 3.0);
+    let (_, far) = sphere_range(start, sun_direction, bounding_radius);
+    let lit = arena.f(0.0).lt(normal.dot(sun_direction));
+    let wanted = ray.is_hit.and(lit).and(arena.f(0.0).lt(far));
+    let origin = start - sun_direction * ray.t;
+    output_ray(&mut function, origin, sun_direction, ray.t, wanted.select(ray.t + far, arena.f(-1.0)));
+    function
+}
+
+/// A ray and its march's result as inputs of a function.
+struct HitInputs<'g> {
+    origin: Expr<'g>,
+    direction: Expr<'g>,
+    t: Expr<'g>,
+    is_hit: Expr<'g>,
+    steps: Expr<'g>,
+}
+
+impl<'g> HitInputs<'g> {
+    fn new(arena: &'g Arena, first: u16) -> HitInputs<'g> {
+        let march = first + ray_ports().len() as u16;
+        let outputs = march_output_ports();
+        let column = |name: &str| {
+            let i = outputs.iter().position(|p| p.name == name).expect("the name is one of the march's ports");
+            arena.input(march + i as u16, Type::F)
+        };
+        let hit = arena.f(Status::Hit.code());
+        HitInputs {
+            origin: arena.input(first, Type::V3),
+            direction: arena.input(first + 1, Type::V3),
+            t: column("t"),
+            is_hit: column("status").equals(hit),
+            steps: column("steps"),
+        }
+    }
+}
