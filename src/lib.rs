@@ -12,3 +12,4 @@ pub mod math;
 pub mod film;
 pub mod render;
 pub mod shade;
+pub mod load;

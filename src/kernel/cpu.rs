@@ -537,7 +537,7 @@ struct Rays<T> {
 
 /// Columns of [`Rays`]: ray, state, then counters.
 const RAY: usize = 8;
-const STATE: usize = 5;
+const STATE: usize = 6;
 const STATUS: usize = RAY + STATE - 1;
 const STEPS: usize = RAY + STATE;
 const ITERATIONS: usize = STEPS + 1;
@@ -643,6 +643,7 @@ impl<T: Copy + Into<f64>> Rays<T> {
         let len = inputs[0].len();
         let mut columns: Vec<Vec<T>> = inputs.iter().map(|c| c.to_vec()).collect();
         columns.push(inputs[6].to_vec()); // t starts at t_near
+        columns.push(inputs[6].to_vec()); // and so does its front
         columns.extend([unknown, unknown, unknown, zero].map(|value| vec![value; len]));
         columns.extend([zero; 3].map(|value| vec![value; len]));
         // A ray whose range is empty has missed before it starts.

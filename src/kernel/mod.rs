@@ -88,10 +88,11 @@ pub fn ray_ports() -> Vec<Port> {
     ]
 }
 
-/// Ports that change along a march. `status` is 0 while it runs and one of [`Status`] after; `known` counts what the last
-/// estimates said (see [`crate::march`]).
+/// Ports that change along a march. `t_front` is where the estimate fell below the hit threshold (where
+/// surfaces are looked at), `t_outside` and `t_inside` the last such points known (-1 before), `status` is 0 while it runs
+/// and one of [`Status`] after.
 pub fn march_state_ports() -> Vec<Port> {
-    ["t", "t_outside", "t_inside", "last_de", "status"].map(|name| Port::new(name, Type::F)).to_vec()
+    ["t", "t_front", "t_outside", "t_inside", "last_de", "status"].map(|name| Port::new(name, Type::F)).to_vec()
 }
 
 /// Columns that a march gives: its state, then `steps` (estimates made), `iterations` (of all of them) and `nan` (1 where

@@ -41,6 +41,7 @@ struct Inputs<'g> {
     t_near: Expr<'g>,
     t_far: Expr<'g>,
     t: Expr<'g>,
+    t_front: Expr<'g>,
     t_outside: Expr<'g>,
     t_inside: Expr<'g>,
     last_de: Expr<'g>,
@@ -62,10 +63,11 @@ impl<'g> Inputs<'g> {
             t_near: all[2],
             t_far: all[3],
             t: all[4],
-            t_outside: all[5],
-            t_inside: all[6],
-            last_de: all[7],
-            status: all[8],
+            t_front: all[5],
+            t_outside: all[6],
+            t_inside: all[7],
+            last_de: all[8],
+            status: all[9],
         }
     }
 
@@ -129,7 +131,11 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let code = |status: Status| arena.f(status.code());
     let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
     let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, forward.min(ray.t_far)));
+    // The front stays where a walk under the threshold began.
+    let walking = usable.lt(hit_eps).and(ray.last_de.lt(hit_eps)).and(zero.le(ray.last_de));
+    let settled = crossed.or(walking);
     function.output("t", t);
+    function.output("t_front", settled.select(ray.t_front, ray.t));
     function.output("t_outside", t_outside.max(unknown));
     function.output("t_inside", t_inside);
     function.output("last_de", usable);

@@ -100,7 +100,7 @@ pub fn compose_surface_point(arena: &Arena, pixel_radius: f64) -> Function {
     let mut function = Function::new("surface_point", ports);
     let ray = HitInputs::new(arena, 0);
     let hit_eps = ray.t * pixel_radius;
-    let t = ray.t - hit_eps;
+    let t = ray.front(hit_eps);
     function.output("p", ray.origin + ray.direction * t);
     function.output("h", (hit_eps * 0.1).max(ray.t * 1e-6 + 1e-5));
     function.output("hit_eps", ray.is_hit.select(hit_eps, arena.f(-1.0)));
@@ -119,7 +119,7 @@ pub fn compose_shadow_ray(arena: &Arena, sun: [f64; 3], pixel_radius: f64, bound
     let normal = arena.input(first, Type::V3);
     let sun_direction = arena.v3(sun);
     let hit_eps = ray.t * pixel_radius;
-    let start = ray.origin + ray.direction * (ray.t - hit_eps) + normal * (hit_eps * 3.0);
+    let start = ray.origin + ray.direction * ray.front(hit_eps) + normal * (hit_eps * 2.0);
     let (_, far) = sphere_range(start, sun_direction, bounding_radius);
     let lit = arena.f(0.0).lt(normal.dot(sun_direction));
     let wanted = ray.is_hit.and(lit).and(arena.f(0.0).lt(far));
@@ -133,11 +133,18 @@ struct HitInputs<'g> {
     origin: Expr<'g>,
     direction: Expr<'g>,
     t: Expr<'g>,
+    t_front: Expr<'g>,
     is_hit: Expr<'g>,
     steps: Expr<'g>,
 }
 
 impl<'g> HitInputs<'g> {
+    /// Where the surface is looked at: in front of the hit, where the estimate fell below the threshold, so that normals
+    /// are those of features about as large as a pixel.
+    fn front(&self, hit_eps: Expr<'g>) -> Expr<'g> {
+        self.t_front.max(self.t - hit_eps * 4.0).min(self.t - hit_eps)
+    }
+
     fn new(arena: &'g Arena, first: u16) -> HitInputs<'g> {
         let march = first + ray_ports().len() as u16;
         let outputs = march_output_ports();
@@ -150,6 +157,7 @@ impl<'g> HitInputs<'g> {
             origin: arena.input(first, Type::V3),
             direction: arena.input(first + 1, Type::V3),
             t: column("t"),
+            t_front: column("t_front"),
             is_hit: column("status").equals(hit),
             steps: column("steps"),
         }

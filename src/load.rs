@@ -1,0 +1,94 @@
+//! Loading a formula: a RON file, a Rhai script that returns a graph, or the name of a built-in fractal.
+
+use std::path::Path;
+
+use crate::diag::{Diagnostic, Diagnostics, SourceId};
+use crate::formula::embedded;
+use crate::formula::library::Library;
+use crate::formula::ron::{Limits, read_ron};
+use crate::graph::{Override, ValidGraph, read};
+
+/// Largest formula file, in bytes.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// A formula ready to be composed.
+pub struct Loaded {
+    /// The fractal.
+    pub graph: ValidGraph,
+    /// Its text.
+    pub text: SourceId,
+}
+
+/// Loads `what`: a path, or the name of a built-in fractal where there is no such file. `set` holds pairs of a path such
+/// as `power` or `bulb.power` and a value in RON. Steps that lie beside the file are read too. Returns nothing when
+/// `d` has errors.
+pub fn load(library: &mut Library, what: &str, set: &[(String, String)], d: &mut Diagnostics) -> Option<Loaded> {
+    let path = Path::new(what);
+    let (name, text) = if path.exists() {
+        let text = read_text(path, d)?;
+        if let Some(folder) = path.parent() {
+            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+            library.add_beside(folder, d);
+        }
+        (what.to_string(), text)
+    } else if let Some((name, text)) = embedded::FRACTALS.iter().find(|(name, _)| *name == what) {
+        (format!("formulas/fractals/{name}.ron"), (*text).to_string())
+    } else {
+        let names = embedded::FRACTALS.iter().map(|(name, _)| *name);
+        let message = format!("there is no file and no built-in fractal `{what}`");
+        d.push(Diagnostic::error(message).did_you_mean(what, names).help("`bulbfold list` shows the built-in ones"));
+        return None;
+    };
+    load_text(library, &name, &text, set, d)
+}
+
+/// Loads a formula from its text; `name` is its file name, whose stem names the fractal.
+pub fn load_text(
+    library: &mut Library,
+    name: &str,
+    text: &str,
+    set: &[(String, String)],
+    d: &mut Diagnostics,
+) -> Option<Loaded> {
+    let overrides = read_overrides(library, set, d);
+    let id = library.sources.add(name, text);
+    let value = read_ron(&library.sources, id, &Limits::default(), d)?;
+    let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let graph = read(library, &value, &stem, &overrides, d)?;
+    (!d.has_errors()).then_some(Loaded { graph, text: id })
+}
+
+fn read_text(path: &Path, d: &mut Diagnostics) -> Option<String> {
+    let fail = |text: String, d: &mut Diagnostics| {
+        d.push(Diagnostic::error(format!("cannot read {}: {text}", path.display())));
+        None
+    };
+    match std::fs::metadata(path) {
+        Ok(data) if data.is_dir() => return fail("it is a folder".into(), d),
+        Ok(data) if data.len() > MAX_BYTES => return fail(format!("it is larger than {MAX_BYTES} bytes"), d),
+        Ok(_) => {}
+        Err(error) => return fail(error.to_string(), d),
+    }
+    match std::fs::read(path) {
+        Ok(bytes) => match String::from_utf8(bytes) {
+            Ok(text) => Some(text),
+            Err(error) => fail(format!("byte {} is not UTF-8 text", error.utf8_error().valid_up_to()), d),
+        },
+        Err(error) => fail(error.to_string(), d),
+    }
+}
+
+/// Reads `--set` values; a bare word or an expression may stand without quotes.
+fn read_overrides(library: &mut Library, set: &[(String, String)], d: &mut Diagnostics) -> Vec<Override> {
+    let mut overrides = Vec::new();
+    for (path, text) in set {
+        let id = library.sources.add(format!("--set {path}"), text.as_str());
+        let mut own = Diagnostics::default();
+        match read_ron(&library.sources, id, &Limits::default(), &mut own) {
+            Some(value) if !own.has_errors() => overrides.push(Override { path: path.clone(), value }),
+            _ => d.extend(own),
+        }
+    }
+    overrides
+}
+
