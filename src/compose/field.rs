@@ -182,11 +182,7 @@ impl<'g> FieldBuilder<'_, 'g> {
             }
             _ => d,
         };
-        let gradient = surface.then(|| {
-            let parts = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-                .map(|axis| Differentiator::new(arena, &[(p, arena.v3(axis))]).derivative(smooth));
-            arena.compose(&parts)
-        });
+        let gradient = surface.then(|| Differentiator::by(arena, p).tangents(smooth)[0]);
         FieldValue { d, inside: d.le(limit), gradient, trap: surface.then(|| arena.constant(Type::V4, [1e6; 4])) }
     }
 

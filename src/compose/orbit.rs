@@ -21,7 +21,7 @@ type Moved<'g> = Traced<'g>;
 struct Carried {
     /// Running derivative.
     scalar: bool,
-    /// Columns of the Jacobian by p.
+    /// Rows of the Jacobian by p: the gradient of each component of z.
     jacobian: bool,
     /// Orbits of p + h along each axis.
     shifted: bool,
@@ -52,7 +52,7 @@ impl Carried {
 struct State<'g> {
     z: Expr<'g>,
     dr: Option<Expr<'g>>,
-    columns: Vec<Expr<'g>>,
+    rows: Vec<Expr<'g>>,
     shifted: Vec<Expr<'g>>,
     trap: Option<Expr<'g>>,
 }
@@ -60,12 +60,12 @@ struct State<'g> {
 impl<'g> State<'g> {
     fn parts(&self) -> Vec<(String, Expr<'g>)> {
         let numbered = |name: &'static str, list: &[Expr<'g>]| {
-            let axes = ["x", "y", "z"];
+            let axes = ["x", "y", "z", "w"];
             list.iter().zip(axes).map(|(e, axis)| (format!("{name}_{axis}"), *e)).collect::<Vec<_>>()
         };
         let mut parts = vec![("z".to_string(), self.z)];
         parts.extend(self.dr.map(|dr| ("dr".to_string(), dr)));
-        parts.extend(numbered("j", &self.columns));
+        parts.extend(numbered("j", &self.rows));
         parts.extend(numbered("z", &self.shifted));
         parts.extend(self.trap.map(|trap| ("trap".to_string(), trap)));
         parts
@@ -81,7 +81,7 @@ impl<'g> State<'g> {
         State {
             z: input(self.z),
             dr: self.dr.map(&mut input),
-            columns: self.columns.iter().map(|e| input(*e)).collect(),
+            rows: self.rows.iter().map(|e| input(*e)).collect(),
             shifted: self.shifted.iter().map(|e| input(*e)).collect(),
             trap: self.trap.map(&mut input),
         }
@@ -97,8 +97,8 @@ struct Constants<'g> {
     c: Expr<'g>,
     /// Growth of c per unit of p: the "+1".
     dc: Expr<'g>,
-    /// Derivatives of c along each axis.
-    columns: Vec<Expr<'g>>,
+    /// Gradients of its components by p.
+    rows: Vec<Expr<'g>>,
     /// Step of finite differences.
     h: Expr<'g>,
 }
@@ -184,19 +184,19 @@ impl<'a> OrbitBuilder<'a> {
             self.apply_all(&self.settings.pre, Moved { z, dr }, zero)
         };
         let first = begin(p)?;
-        let derivatives = |of: Expr<'a>| -> Vec<Expr<'a>> {
-            axes.iter().map(|axis| Differentiator::new(arena, &[(p, *axis)]).derivative(of)).collect()
+        let rows = match self.carried.jacobian {
+            true => Differentiator::by(arena, p).tangents(first.z),
+            false => Vec::new(),
         };
-        let columns = if self.carried.jacobian { derivatives(first.z) } else { Vec::new() };
         let shifted = match self.carried.shifted {
             true => axes.iter().map(|axis| begin(p + *axis * h).map(|m| m.z)).collect::<ComposeResult<Vec<_>>>()?,
             false => Vec::new(),
         };
         let far = arena.constant(Type::V4, [1e6; 4]);
         let state =
-            State { z: first.z, dr: first.dr, columns: columns.clone(), shifted, trap: self.carried.traps.then_some(far) };
+            State { z: first.z, dr: first.dr, rows: rows.clone(), shifted, trap: self.carried.traps.then_some(far) };
         let dc = first.dr.unwrap_or_else(|| arena.f(0.0));
-        Ok((state, Constants { c: first.z, dc, columns, h }))
+        Ok((state, Constants { c: first.z, dc, rows, h }))
     }
 
     /// Makes the `init` function; what iterations read of the start point becomes frozen inputs unless it is constant.
@@ -224,18 +224,18 @@ impl<'a> OrbitBuilder<'a> {
         };
         let moves = maps.iter().any(|m| m.constant.start_weight() != 0.0);
         let zero = |e: Expr<'a>| e.lift(0.0);
-        let Constants { c, dc, columns, h } = constants;
+        let Constants { c, dc, rows, h } = constants;
         let frozen_constants = match moves {
             true => Constants {
                 c: freeze("c", c),
                 dc: freeze("dc", dc),
-                columns: columns.iter().zip(["c_x", "c_y", "c_z"]).map(|(e, name)| freeze(name, *e)).collect(),
+                rows: rows.iter().zip(["c_x", "c_y", "c_z", "c_w"]).map(|(e, name)| freeze(name, *e)).collect(),
                 h: if self.carried.shifted { freeze("h", h) } else { h },
             },
             false => Constants {
                 c: zero(c),
                 dc: zero(dc),
-                columns: columns.iter().map(|e| zero(*e)).collect(),
+                rows: rows.iter().map(|e| zero(*e)).collect(),
                 h: if self.carried.shifted { freeze("h", h) } else { h },
             },
         };
@@ -257,11 +257,13 @@ impl<'a> OrbitBuilder<'a> {
         let moved = apply(self.composer, &item.map, input, c, n)?;
         let z = moved.z + c;
         let dr = moved.dr.map(|dr| dr + constants.dc * weight);
-        let column = |(j, c_column): (&Expr<'a>, &Expr<'a>)| {
-            let seeds = [(state.z, *j), (constants.c, *c_column)];
-            Differentiator::new(arena, &seeds).derivative(z)
+        let rows = match self.carried.jacobian {
+            true => {
+                let seeds = [(state.z, state.rows.clone()), (constants.c, constants.rows.clone())];
+                Differentiator::of_gradients(arena, &seeds).tangents(z)
+            }
+            false => Vec::new(),
         };
-        let columns = state.columns.iter().zip(&constants.columns).map(column).collect();
         let mut shifted = Vec::new();
         for (i, z_shifted) in state.shifted.iter().enumerate() {
             let mut axis = [0.0; 4];
@@ -275,7 +277,7 @@ impl<'a> OrbitBuilder<'a> {
             let sizes = z.xyz().abs().components();
             trap.min(arena.compose(&[z.xyz().dot(z.xyz()), sizes[0], sizes[1], sizes[2]]))
         });
-        Ok(State { z, dr, columns, shifted, trap })
+        Ok(State { z, dr, rows, shifted, trap })
     }
 
     /// The constant of an iteration from the start point's.
@@ -304,19 +306,22 @@ impl<'a> OrbitBuilder<'a> {
         let arena = self.composer.arena;
         let zero = state.z.lift(0.0);
         let end = self.apply_all(&self.settings.post, Moved { z: state.z, dr: state.dr }, zero)?;
-        let tangent = |j: &Expr<'a>| Differentiator::new(arena, &[(state.z, *j)]).derivative(end.z);
-        let columns: Vec<Expr<'a>> = state.columns.iter().map(tangent).collect();
         let tiny = arena.f(1e-30);
         let r = end.z.length();
         // Scaled before squaring: components of J may be as large as the square root of the range.
         let unit = end.z / r.max(tiny);
-        let projected: Vec<Expr<'a>> = columns.iter().map(|j| unit.dot(*j)).collect();
-        let differences = self.differences(state, r, constants.h)?;
-        let gradient = if self.carried.shifted { differences } else { projected };
-        let slope = (!gradient.is_empty()).then(|| scaled_length(arena.compose(&gradient)));
+        let gradient = if self.carried.jacobian {
+            let rows = Differentiator::of_gradients(arena, &[(state.z, state.rows.clone())]).tangents(end.z);
+            unit.components().into_iter().zip(rows).map(|(u, row)| row * u).reduce(|a, b| a + b)
+        } else if self.carried.shifted {
+            Some(arena.compose(&self.differences(state, r, constants.h)?))
+        } else {
+            None
+        };
+        let slope = gradient.map(scaled_length);
         match self.purpose {
             Purpose::Surface => {
-                let g = arena.compose(&gradient);
+                let g = gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
                 function.output("gradient", g / slope.unwrap_or(tiny).max(tiny));
                 function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
                 function.output("de", self.distance(r, slope.unwrap_or(tiny).max(tiny)));

@@ -1,54 +1,108 @@
 //! Forward differentiation of expressions, from expressions to expressions.
+//!
+//! The derivative of a scalar is a *tangent*: one number for a derivative along one direction, a 3-vector for a gradient.
+//! A vector has a tangent for each component. Gradients as vectors are what makes exact derivatives cheap: one
+//! instruction for three partial derivatives.
 
 use std::collections::HashMap;
 
-use super::{Arena, Expr, NodeId, Op};
+use super::{Arena, Expr, NodeId, Op, Type};
 
-/// Differentiates nodes of one arena along one direction, given the derivatives of some nodes (usually inputs).
+/// Differentiates nodes of one arena, given the tangents of some nodes (usually inputs).
 ///
-/// Inputs without a given derivative count as constant. Results are shared: asking for several outputs costs their
-/// common parts once.
+/// Inputs without a given tangent count as constant. Results are shared: asking for several outputs costs their common
+/// parts once.
 pub struct Differentiator<'g> {
     arena: &'g Arena,
-    known: HashMap<NodeId, Expr<'g>>,
+    zero: Expr<'g>,
+    known: HashMap<NodeId, Vec<Expr<'g>>>,
 }
 
 impl<'g> Differentiator<'g> {
-    /// Starts with the derivatives of the given nodes.
+    /// Derivatives along one direction; each seed is a node and its derivative, of the node's type.
     pub fn new(arena: &'g Arena, seeds: &[(Expr<'g>, Expr<'g>)]) -> Self {
-        let known = seeds.iter().map(|(x, dx)| (x.id, *dx)).collect();
-        Differentiator { arena, known }
+        let known = seeds.iter().map(|(x, dx)| (x.id, dx.components())).collect();
+        Differentiator { arena, zero: arena.f(0.0), known }
     }
 
-    /// The derivative of `root`; same type as `root`.
+    /// Gradients; each seed is a node and the gradients (3-vectors) of its components.
+    pub fn of_gradients(arena: &'g Arena, seeds: &[(Expr<'g>, Vec<Expr<'g>>)]) -> Self {
+        let known = seeds.iter().map(|(x, rows)| (x.id, rows.clone())).collect();
+        Differentiator { arena, zero: arena.v3([0.0; 3]), known }
+    }
+
+    /// Gradients by the 3-vector `p`.
+    pub fn by(arena: &'g Arena, p: Expr<'g>) -> Self {
+        Self::of_gradients(arena, &[(p, unit_rows(arena, 3))])
+    }
+
+    /// The derivative of `root` along the direction; same type as `root`.
     pub fn derivative(&mut self, root: Expr<'g>) -> Expr<'g> {
+        let tangents = self.tangents(root);
+        if tangents.len() == 1 { tangents[0] } else { self.arena.compose(&tangents) }
+    }
+
+    /// The tangents of all components of `root`.
+    pub fn tangents(&mut self, root: Expr<'g>) -> Vec<Expr<'g>> {
         // Ascending ids are an evaluation order, so no recursion is needed, however deep the expression.
         for id in reachable(self.arena, &[root.id]) {
             if !self.known.contains_key(&id) {
-                let d = self.step(self.arena.expr(id));
-                self.known.insert(id, d);
+                let tangents = self.step(self.arena.expr(id));
+                self.known.insert(id, tangents);
             }
         }
-        self.known[&root.id]
+        self.known[&root.id].clone()
     }
 
-    fn step(&self, y: Expr<'g>) -> Expr<'g> {
+    fn step(&self, y: Expr<'g>) -> Vec<Expr<'g>> {
         let node = y.node();
-        let x: Vec<Expr<'g>> = node.args().iter().map(|&a| self.arena.expr(a)).collect();
-        let d: Vec<Expr<'g>> = node.args().iter().map(|a| self.known[a]).collect();
+        let width = node.ty.width as usize;
         if node.ty.is_bool {
-            return y;
+            return vec![self.zero; width];
         }
+        let x: Vec<Expr<'g>> = node.args().iter().map(|&a| self.arena.expr(a)).collect();
+        let d: Vec<&Vec<Expr<'g>>> = node.args().iter().map(|a| &self.known[a]).collect();
         match node.op {
-            Op::Const(_) | Op::Input(_) => y.lift(0.0),
-            Op::Compose => self.arena.compose(&d),
-            Op::Splat => d[0].widen(node.ty.width),
-            Op::Extract(i) => d[0].component(i),
-            Op::Dot if x[0].id == x[1].id => x[0].dot(d[0]) * 2.0,
-            Op::Dot => d[0].dot(x[1]) + x[0].dot(d[1]),
-            Op::Apply(operator) => operator.derivative(&x, y, &d),
+            Op::Const(_) | Op::Input(_) => vec![self.zero; width],
+            Op::Compose => d.iter().map(|d| d[0]).collect(),
+            Op::Splat => vec![d[0][0]; width],
+            Op::Extract(i) => vec![d[0][i as usize]],
+            Op::Dot => vec![self.dot(&x, &d)],
+            Op::Apply(operator) => (0..width)
+                .map(|i| {
+                    let x: Vec<_> = x.iter().map(|x| x.component(i as u8)).collect();
+                    let d: Vec<_> = d.iter().map(|d| d[i]).collect();
+                    if d.iter().all(|d| d.id == self.zero.id) {
+                        return self.zero;
+                    }
+                    operator.derivative(&x, y.component(i as u8), &d).widen(self.zero.ty().width)
+                })
+                .collect(),
         }
     }
+
+    /// The tangent of a scalar product.
+    fn dot(&self, x: &[Expr<'g>], d: &[&Vec<Expr<'g>>]) -> Expr<'g> {
+        let terms = |x: Expr<'g>, d: &[Expr<'g>]| {
+            let products = x.components().into_iter().zip(d).map(|(x, d)| *d * x);
+            products.reduce(|a, b| a + b).unwrap_or(self.zero)
+        };
+        if x[0].id == x[1].id {
+            return terms(x[0] + x[0], d[0]);
+        }
+        terms(x[1], d[0]) + terms(x[0], d[1])
+    }
+}
+
+/// The gradients of a vector's own components: the first three rows of the unit matrix, then 0.
+pub fn unit_rows(arena: &Arena, width: u8) -> Vec<Expr<'_>> {
+    (0..width as usize)
+        .map(|i| {
+            let mut row = [0.0; 4];
+            row[i] = 1.0;
+            arena.constant(Type::V3, row)
+        })
+        .collect()
 }
 
 /// Every node that the roots need, in evaluation order.

@@ -53,13 +53,15 @@ fn apply<E: Evaluate, R: Real, const K: usize>(
     operands: &Operands,
 ) {
     for i in 0..operands.width as usize {
-        let a = operands.args[0][i] as usize;
-        let b = if arity > 1 { operands.args[1][i] as usize } else { a };
-        let c = if arity > 2 { operands.args[2][i] as usize } else { a };
-        let d = operands.dst[i] as usize;
+        // Whole registers are copied out first: the compiler then keeps them in the machine's own.
+        let a = registers[operands.args[0][i] as usize];
+        let b = if arity > 1 { registers[operands.args[1][i] as usize] } else { a };
+        let c = if arity > 2 { registers[operands.args[2][i] as usize] } else { a };
+        let mut result = a;
         for k in 0..K {
-            registers[d][k] = E::evaluate(token, registers[a][k], registers[b][k], registers[c][k]);
+            result[k] = E::evaluate(token, a[k], b[k], c[k]);
         }
+        registers[operands.dst[i] as usize] = result;
     }
 }
 
@@ -186,7 +188,10 @@ operators! {
         evaluate(_t) { a - b } derivative(x, y, d) { d[0] - d[1] }
     Mul "mul" (a, b) bools(0, false) continuous(true)
         wgsl "{0} * {1}" help "The product."
-        evaluate(_t) { a * b } derivative(x, y, d) { d[0] * x[1] + x[0] * d[1] }
+        evaluate(_t) { a * b }
+        derivative(x, y, d) {
+            if x[0].id == x[1].id { (x[0] + x[0]) * d[0] } else { d[0] * x[1] + x[0] * d[1] }
+        }
     Div "div" (a, b) bools(0, false) continuous(true)
         wgsl "{0} / {1}" help "The quotient."
         evaluate(_t) { a / b } derivative(x, y, d) { (d[0] - y * d[1]) / x[1] }
@@ -229,6 +234,12 @@ operators! {
     MulAdd "mul_add" (a, b, c) bools(0, false) continuous(true)
         wgsl "fma({0}, {1}, {2})" help "The product of the first two plus the third, rounded once where the machine can."
         evaluate(_t) { a.mul_add(b, c) } derivative(x, y, d) { d[0] * x[1] + x[0] * d[1] + d[2] }
+    MulSub "mul_sub" (a, b, c) bools(0, false) continuous(true)
+        wgsl "fma({0}, {1}, -({2}))" help "The product of the first two minus the third, rounded once where the machine can."
+        evaluate(_t) { a.mul_add(b, -c) } derivative(x, y, d) { d[0] * x[1] + x[0] * d[1] - d[2] }
+    SubMul "sub_mul" (a, b, c) bools(0, false) continuous(true)
+        wgsl "fma(-({0}), {1}, {2})" help "The third argument minus the product of the first two, rounded once where the machine can."
+        evaluate(_t) { (-a).mul_add(b, c) } derivative(x, y, d) { d[2] - d[0] * x[1] - x[0] * d[1] }
     Select "select" (a, b, c) bools(1, false) continuous(false)
         wgsl "select({2}, {1}, {0})" help "The second argument where the first is true, else the third."
         evaluate(_t) { R::select(a.to_mask(), b, c) } derivative(x, y, d) { x[0].select(d[1], d[2]) }

@@ -302,14 +302,18 @@ fn run_instruction<R: Machine, const K: usize>(
     match instruction.code {
         Code::Apply(operator) => execute::<R, K>(operator, token, registers, o),
         Code::Dot => {
-            let width = o.width as usize;
+            let (a, b) = (registers[o.args[0][0] as usize], registers[o.args[1][0] as usize]);
+            let mut sum = a;
             for k in 0..K {
-                let mut sum = registers[o.args[0][0] as usize][k] * registers[o.args[1][0] as usize][k];
-                for i in 1..width {
-                    sum = registers[o.args[0][i] as usize][k].mul_add(registers[o.args[1][i] as usize][k], sum);
-                }
-                registers[o.dst[0] as usize][k] = sum;
+                sum[k] = a[k] * b[k];
             }
+            for i in 1..o.width as usize {
+                let (a, b) = (registers[o.args[0][i] as usize], registers[o.args[1][i] as usize]);
+                for k in 0..K {
+                    sum[k] = a[k].mul_add(b[k], sum[k]);
+                }
+            }
+            registers[o.dst[0] as usize] = sum;
         }
         Code::SinCos => {
             for k in 0..K {
@@ -512,19 +516,29 @@ fn keep_active<R: Machine, const K: usize>(
     active: &mut Register<R, K>,
     n: &mut Register<R, K>,
 ) -> bool {
+    let (zero, one) = (R::splat(token, 0.0), R::splat(token, 1.0));
+    let mut masks = [zero.lt(one); K];
+    let mut all = true;
+    for k in 0..K {
+        masks[k] = active[k].to_mask();
+        all &= !R::mask_any(R::mask_not(masks[k]));
+    }
     for i in 0..state {
-        let new = registers[item.outputs[i] as usize];
-        for k in 0..K {
-            registers[i][k] = R::select(active[k].to_mask(), new[k], registers[i][k]);
+        let mut new = registers[item.outputs[i] as usize];
+        if !all {
+            let old = registers[i];
+            for k in 0..K {
+                new[k] = R::select(masks[k], new[k], old[k]);
+            }
         }
+        registers[i] = new;
     }
     let escaped = registers[item.outputs[state] as usize];
-    let (zero, half) = (R::splat(token, 0.0), R::splat(token, 0.5));
     let mut any = false;
     for k in 0..K {
         n[k] = n[k] + active[k];
         active[k] = R::select(escaped[k].to_mask(), zero, active[k]);
-        any |= R::mask_any(half.lt(active[k]));
+        any |= R::mask_any(active[k].to_mask());
     }
     any
 }

@@ -230,7 +230,7 @@ impl<'a> Lowering<'a> {
         {
             return registers;
         }
-        let (operator, arguments) = self.fuse_mul_add(operator, node.args());
+        let (operator, arguments) = self.fuse_product(operator, node.args());
         let mut registers = [0; 4];
         let mut dst = [0; 4];
         let mut args = [[0; 4]; 3];
@@ -247,11 +247,13 @@ impl<'a> Lowering<'a> {
         registers
     }
 
-    /// `a * b + c`, where nothing else reads the product, is one instruction: finds such products.
+    /// `a * b + c`, `a * b - c` and `c - a * b`, where nothing else reads the product, are one instruction: finds such
+    /// products.
     fn find_absorbed(&mut self) {
         for &id in &self.nodes {
             let node = self.arena.node(id);
-            if node.op != Op::Apply(Operator::Add) || !self.needed.contains_key(&id) {
+            let is_sum = matches!(node.op, Op::Apply(Operator::Add | Operator::Sub));
+            if !is_sum || !self.needed.contains_key(&id) {
                 continue;
             }
             let fusible = |p: &&NodeId| {
@@ -264,13 +266,16 @@ impl<'a> Lowering<'a> {
     }
 
     /// The operator and arguments that compute a node, with an absorbed product taken in.
-    fn fuse_mul_add(&self, operator: Operator, args: &[NodeId]) -> (Operator, Vec<NodeId>) {
-        if operator == Operator::Add {
-            for (product, other) in [(args[0], args[1]), (args[1], args[0])] {
-                if self.absorbed.contains(&product) {
-                    let node = self.arena.node(product);
-                    return (Operator::MulAdd, vec![node.args()[0], node.args()[1], other]);
-                }
+    fn fuse_product(&self, operator: Operator, args: &[NodeId]) -> (Operator, Vec<NodeId>) {
+        let fused = match operator {
+            Operator::Add => [Operator::MulAdd, Operator::MulAdd],
+            Operator::Sub => [Operator::MulSub, Operator::SubMul],
+            _ => return (operator, args.to_vec()),
+        };
+        for (i, fused) in fused.into_iter().enumerate() {
+            if self.absorbed.contains(&args[i]) {
+                let product = self.arena.node(args[i]);
+                return (fused, vec![product.args()[0], product.args()[1], args[1 - i]]);
             }
         }
         (operator, args.to_vec())
