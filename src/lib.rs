@@ -4,12 +4,12 @@
 pub mod compose;
 pub mod diag;
 pub mod expr;
+pub mod film;
 pub mod formula;
 pub mod graph;
 pub mod kernel;
+pub mod load;
 pub mod march;
 pub mod math;
-pub mod film;
 pub mod render;
 pub mod shade;
-pub mod load;

@@ -91,4 +91,3 @@ fn read_overrides(library: &mut Library, set: &[(String, String)], d: &mut Diagn
     }
     overrides
 }
-

@@ -1,7 +1,11 @@
 use bulbfold::*;
 fn main() {
     let file = std::env::args().nth(1).unwrap();
-    let precision = if std::env::args().nth(2).as_deref() == Some("f64") { kernel::cpu::Precision::F64 } else { kernel::cpu::Precision::F32 };
+    let precision = if std::env::args().nth(2).as_deref() == Some("f64") {
+        kernel::cpu::Precision::F64
+    } else {
+        kernel::cpu::Precision::F32
+    };
     let mut library = formula::library::Library::builtin();
     let text = std::fs::read_to_string(&file).unwrap();
     let id = library.sources.add(&*file, text);
@@ -14,7 +18,15 @@ fn main() {
     let composer = compose::Composer { arena: &arena, library: &library, graph: &graph };
     let settings = render::RenderSettings { size: shade::Size { width: 640, height: 480 }, ..Default::default() };
     let t = std::time::Instant::now();
-    let pipeline = match render::compose_pipeline(&composer, &settings) { Ok(p) => p, Err(e) => { let mut d = diag::Diagnostics::default(); d.push(e); print!("{}", d.render(&library.sources, false)); return } };
+    let pipeline = match render::compose_pipeline(&composer, &settings) {
+        Ok(p) => p,
+        Err(e) => {
+            let mut d = diag::Diagnostics::default();
+            d.push(e);
+            print!("{}", d.render(&library.sources, false));
+            return;
+        }
+    };
     println!("compose {:?} nodes {}", t.elapsed(), arena.len());
     println!("{:?}", pipeline.plan);
     let cpu = kernel::cpu::Cpu::new(precision);

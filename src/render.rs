@@ -256,7 +256,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
     fn count(&mut self, hits: &[Vec<f64>]) {
         let stats = &mut self.stats;
         let sum = |name: &str| hits[column(name)].iter().sum::<f64>() as u64;
-        let with = |status: Status| hits[column("status")].iter().filter(|&&s| Status::from_code(s) == status).count() as u64;
+        let with =
+            |status: Status| hits[column("status")].iter().filter(|&&s| Status::from_code(s) == status).count() as u64;
         stats.rays += hits[0].len() as u64;
         stats.hits += with(Status::Hit);
         stats.unfinished += with(Status::Unfinished);

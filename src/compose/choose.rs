@@ -100,7 +100,9 @@ fn choose_orbit(
         })
         .collect();
     let (method, mut reason) = match (&blocking, rules.is_some()) {
-        (Some(step), _) => (Method::Delta, format!("the step `{step}` cannot be differentiated, so finite differences are taken")),
+        (Some(step), _) => {
+            (Method::Delta, format!("the step `{step}` cannot be differentiated, so finite differences are taken"))
+        }
         (None, false) => (Method::Gradient, "not every step states a scalar rule".to_string()),
         (None, true) if exact && !has_power => (Method::Scalar, "every step's scalar rule is exact".to_string()),
         (None, true) if has_power && !has_linear && !is_mixed(&steps) => {

@@ -114,7 +114,8 @@ pub(super) fn compose_orbit(
     purpose: Purpose,
 ) -> ComposeResult<Orbit> {
     let width = composer.graph.state_width(root);
-    let builder = OrbitBuilder { composer, settings, frame, width, carried: Carried::of(choice, purpose), choice, purpose };
+    let builder =
+        OrbitBuilder { composer, settings, frame, width, carried: Carried::of(choice, purpose), choice, purpose };
     builder.build(name, root)
 }
 

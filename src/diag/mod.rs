@@ -60,12 +60,7 @@ impl Diagnostic {
 
     /// A message without labels and help.
     fn new(severity: Severity, message: String) -> Self {
-        Self {
-            severity,
-            message,
-            labels: Vec::new(),
-            help: Vec::new(),
-        }
+        Self { severity, message, labels: Vec::new(), help: Vec::new() }
     }
 
     /// Adds a place; the first one added is the primary one. [`Span::NONE`] is kept but not shown.
@@ -84,11 +79,7 @@ impl Diagnostic {
 
     /// Adds "did you mean" with the candidate [`nearest()`] to `name`, if one is near enough.
     #[must_use]
-    pub fn did_you_mean<'a>(
-        self,
-        name: &str,
-        candidates: impl IntoIterator<Item = &'a str>,
-    ) -> Self {
+    pub fn did_you_mean<'a>(self, name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Self {
         match nearest(name, candidates) {
             Some(near) => self.help(format!("did you mean `{near}`?")),
             None => self,
@@ -126,9 +117,7 @@ impl Diagnostics {
 
     /// Number of errors, without warnings.
     pub fn error_count(&self) -> usize {
-        self.iter()
-            .filter(|d| d.severity == Severity::Error)
-            .count()
+        self.iter().filter(|d| d.severity == Severity::Error).count()
     }
 
     /// All messages, in the order in which they were found.

@@ -52,10 +52,7 @@ mod tests {
 
     #[test]
     fn the_nearer_and_then_the_first_wins() {
-        assert_eq!(
-            nearest("bulb_powr", ["bulb_pwr2", "bulb_power"]),
-            Some("bulb_power")
-        );
+        assert_eq!(nearest("bulb_powr", ["bulb_pwr2", "bulb_power"]), Some("bulb_power"));
         assert_eq!(nearest("fold", ["gold", "bold"]), Some("gold"));
     }
 }

@@ -27,11 +27,7 @@ const ELLIPSIS: &str = "...";
 
 /// Writes the messages; see [`super::Diagnostics::render`].
 pub(super) fn render(list: &[Diagnostic], sources: &Sources, color: bool) -> String {
-    let renderer = if color {
-        Renderer::styled()
-    } else {
-        Renderer::plain()
-    };
+    let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     let renderer = renderer.term_width(DRAWING_WIDTH);
     let mut shown: Vec<&Diagnostic> = list.iter().collect();
     if shown.len() > MAX_SHOWN {
@@ -63,15 +59,10 @@ fn render_one(diagnostic: &Diagnostic, sources: &Sources, renderer: &Renderer) -
     let title = level.primary_title(message(&diagnostic.message));
     let mut group = Group::with_title(title);
     for excerpt in &excerpts {
-        let mut snippet = Snippet::source(excerpt.text.as_str())
-            .line_start(excerpt.first_line + 1)
-            .path(excerpt.path.as_str());
+        let mut snippet =
+            Snippet::source(excerpt.text.as_str()).line_start(excerpt.first_line + 1).path(excerpt.path.as_str());
         for mark in &excerpt.marks {
-            let kind = if mark.is_primary {
-                AnnotationKind::Primary
-            } else {
-                AnnotationKind::Context
-            };
+            let kind = if mark.is_primary { AnnotationKind::Primary } else { AnnotationKind::Context };
             snippet = snippet.annotation(kind.span(mark.start..mark.end).label(mark.text.as_str()));
         }
         group = group.element(snippet);
@@ -85,10 +76,7 @@ fn render_one(diagnostic: &Diagnostic, sources: &Sources, renderer: &Renderer) -
         }
     }
     let mut out = renderer.render(&[group]) + help_lines.as_str();
-    for fix in excerpts
-        .iter()
-        .filter_map(|excerpt| excerpt.column_fix.as_ref())
-    {
+    for fix in excerpts.iter().filter_map(|excerpt| excerpt.column_fix.as_ref()) {
         out = out.replacen(&fix.drawn, &fix.meant, 1);
     }
     let lines: Vec<&str> = out.lines().map(str::trim_end).collect();
@@ -146,8 +134,7 @@ fn excerpts(diagnostic: &Diagnostic, sources: &Sources) -> Vec<Excerpt> {
         };
         let is_cut = place.text.chars().nth(MAX_COLUMNS).is_some();
         let joins = |e: &&mut Excerpt| {
-            let is_near =
-                place.line + MAX_GAP >= e.first_line && place.line <= e.last_line + MAX_GAP;
+            let is_near = place.line + MAX_GAP >= e.first_line && place.line <= e.last_line + MAX_GAP;
             e.source == span.source && !e.is_cut && !is_cut && is_near
         };
         if let Some(excerpt) = out.iter_mut().find(joins) {
@@ -191,11 +178,7 @@ fn draw(excerpt: &mut Excerpt, diagnostic: &Diagnostic, sources: &Sources) {
         let cut = if window.start > 0 { ELLIPSIS } else { "" };
         excerpt.text.push_str(cut);
         excerpt.text.push_str(&printable(&whole[window.clone()]));
-        excerpt.text.push_str(if window.end < whole.len() {
-            ELLIPSIS
-        } else {
-            ""
-        });
+        excerpt.text.push_str(if window.end < whole.len() { ELLIPSIS } else { "" });
         for &index in &excerpt.labels {
             let (span, text) = &diagnostic.labels[index];
             let Some(place) = sources.place(*span).filter(|place| place.line == line) else {
@@ -233,9 +216,7 @@ fn cut_window(line: &str, start: usize) -> std::ops::Range<usize> {
     let before = line[..start].char_indices().rev().take(COLUMNS_BEFORE);
     let from = before.last().map_or(start, |(at, _)| at);
     let mut after = line[from..].char_indices();
-    let to = after
-        .nth(MAX_COLUMNS)
-        .map_or(line.len(), |(at, _)| from + at);
+    let to = after.nth(MAX_COLUMNS).map_or(line.len(), |(at, _)| from + at);
     from..to
 }
 

@@ -22,20 +22,12 @@ pub struct Span {
 
 impl Span {
     /// No place, for things that stand in no file.
-    pub const NONE: Self = Self {
-        source: SourceId(u32::MAX),
-        start: 0,
-        end: 0,
-    };
+    pub const NONE: Self = Self { source: SourceId(u32::MAX), start: 0, end: 0 };
 
     /// A byte range. Offsets past 4 GiB saturate.
     pub fn new(source: SourceId, start: usize, end: usize) -> Self {
         let offset = |byte| u32::try_from(byte).unwrap_or(u32::MAX);
-        Self {
-            source,
-            start: offset(start),
-            end: offset(end.max(start)),
-        }
+        Self { source, start: offset(start), end: offset(end.max(start)) }
     }
 
     /// Whether this is [`Span::NONE`].
@@ -52,11 +44,7 @@ impl Span {
         if self.source != other.source {
             return self;
         }
-        Self {
-            source: self.source,
-            start: self.start.min(other.start),
-            end: self.end.max(other.end),
-        }
+        Self { source: self.source, start: self.start.min(other.start), end: self.end.max(other.end) }
     }
 }
 
@@ -94,15 +82,9 @@ impl Sources {
     /// Adds a text under a name to show, for example its path.
     pub fn add(&mut self, name: impl Into<String>, text: impl Into<Arc<str>>) -> SourceId {
         let text = text.into();
-        let line_starts = std::iter::once(0)
-            .chain(text.match_indices('\n').map(|(at, _)| at + 1))
-            .collect();
+        let line_starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
         let id = SourceId(u32::try_from(self.list.len()).unwrap_or(u32::MAX));
-        self.list.push(Source {
-            name: name.into(),
-            text,
-            line_starts,
-        });
+        self.list.push(Source { name: name.into(), text, line_starts });
         id
     }
 
@@ -118,8 +100,7 @@ impl Sources {
 
     /// The whole text as a span, [`Span::NONE`] for an id of another `Sources`.
     pub fn whole(&self, id: SourceId) -> Span {
-        self.get(id)
-            .map_or(Span::NONE, |source| Span::new(id, 0, source.text.len()))
+        self.get(id).map_or(Span::NONE, |source| Span::new(id, 0, source.text.len()))
     }
 
     /// Line and column where the span starts, both from 1, columns in characters.
@@ -172,12 +153,7 @@ impl Sources {
         }
         let line = source.line_starts.partition_point(|&first| first <= start) - 1;
         let (first, text) = (source.line_starts[line], source.line(line));
-        Some(Place {
-            line,
-            text,
-            start: (start - first).min(text.len()),
-            end: (end - first).min(text.len()),
-        })
+        Some(Place { line, text, start: (start - first).min(text.len()), end: (end - first).min(text.len()) })
     }
 }
 
@@ -200,8 +176,8 @@ impl Source {
 /// Bytes of the token that one line of program text starts with.
 fn token_len(text: &str) -> usize {
     const OPERATORS: [&str; 20] = [
-        "**=", "..=", "==", "!=", "<=", ">=", "&&", "||", "**", "+=", "-=", "*=", "/=", "=>", "->",
-        "..", "::", "??", "<<", ">>",
+        "**=", "..=", "==", "!=", "<=", ">=", "&&", "||", "**", "+=", "-=", "*=", "/=", "=>", "->", "..", "::", "??",
+        "<<", ">>",
     ];
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let Some(first) = text.chars().next() else {
@@ -209,12 +185,8 @@ fn token_len(text: &str) -> usize {
     };
     if is_word(first) {
         let word = text.find(|c| !is_word(c)).unwrap_or(text.len());
-        let fraction = text[word..]
-            .strip_prefix('.')
-            .filter(|_| first.is_ascii_digit());
-        let digits = fraction.map_or(0, |f| {
-            f.find(|c: char| !c.is_ascii_digit()).unwrap_or(f.len())
-        });
+        let fraction = text[word..].strip_prefix('.').filter(|_| first.is_ascii_digit());
+        let digits = fraction.map_or(0, |f| f.find(|c: char| !c.is_ascii_digit()).unwrap_or(f.len()));
         return if digits > 0 { word + 1 + digits } else { word };
     }
     if matches!(first, '"' | '\'' | '`') {
@@ -227,8 +199,6 @@ fn token_len(text: &str) -> usize {
         }
         return 1;
     }
-    let operator = OPERATORS
-        .iter()
-        .find(|operator| text.starts_with(**operator));
+    let operator = OPERATORS.iter().find(|operator| text.starts_with(**operator));
     operator.map_or(first.len_utf8(), |operator| operator.len())
 }

@@ -39,18 +39,10 @@ error: unknown field `limti`
 #[test]
 fn a_message_without_a_place_is_title_and_help() {
     let out = drawn("", |_, _| {
-        Diagnostic::warning("no GPU was found")
-            .label(Span::NONE, "nowhere")
-            .help("the CPU renders instead")
+        Diagnostic::warning("no GPU was found").label(Span::NONE, "nowhere").help("the CPU renders instead")
     });
-    assert_eq!(
-        out,
-        "warning: no GPU was found\n  = help: the CPU renders instead\n"
-    );
-    assert_eq!(
-        Diagnostics::default().render(&Sources::default(), false),
-        ""
-    );
+    assert_eq!(out, "warning: no GPU was found\n  = help: the CPU renders instead\n");
+    assert_eq!(Diagnostics::default().render(&Sources::default(), false), "");
 }
 
 #[test]
@@ -125,24 +117,12 @@ error: too large
 
 #[test]
 fn ends_of_files_and_lines_are_places_too() {
-    let at = |text: &str, start: usize| {
-        drawn(text, |id, _| {
-            Diagnostic::error("e").label(Span::new(id, start, start), "x")
-        })
-    };
+    let at =
+        |text: &str, start: usize| drawn(text, |id, _| Diagnostic::error("e").label(Span::new(id, start, start), "x"));
     assert_eq!(at("", 0), "error: e\n --> box.ron:1:1\n  |\n1 |\n  | ^ x\n");
-    assert_eq!(
-        at("ab\n", 3),
-        "error: e\n --> box.ron:2:1\n  |\n2 |\n  | ^ x\n"
-    );
-    assert_eq!(
-        at("ab\ncd", 2),
-        "error: e\n --> box.ron:1:3\n  |\n1 | ab\n  |   ^ x\n"
-    );
-    assert_eq!(
-        at("ab", 900),
-        "error: e\n --> box.ron:1:3\n  |\n1 | ab\n  |   ^ x\n"
-    );
+    assert_eq!(at("ab\n", 3), "error: e\n --> box.ron:2:1\n  |\n2 |\n  | ^ x\n");
+    assert_eq!(at("ab\ncd", 2), "error: e\n --> box.ron:1:3\n  |\n1 | ab\n  |   ^ x\n");
+    assert_eq!(at("ab", 900), "error: e\n --> box.ron:1:3\n  |\n1 | ab\n  |   ^ x\n");
 }
 
 #[test]
@@ -152,21 +132,11 @@ fn control_characters_are_shown_and_never_sent() {
     let id = sources.add("a\u{1b}\n.ron", text);
     let mut diagnostics = Diagnostics::default();
     let label = format!("label {text}");
-    diagnostics.push(
-        Diagnostic::error(text)
-            .label(sources.whole(id), label)
-            .help(text),
-    );
+    diagnostics.push(Diagnostic::error(text).label(sources.whole(id), label).help(text));
     let plain = diagnostics.render(&sources, false);
-    assert!(
-        !plain.chars().any(|c| c.is_control() && c != '\n'),
-        "{plain:?}"
-    );
+    assert!(!plain.chars().any(|c| c.is_control() && c != '\n'), "{plain:?}");
     let colored = diagnostics.render(&sources, true);
-    assert!(
-        colored.contains("\u{1b}[") && !colored.contains("\u{9b}"),
-        "{colored:?}"
-    );
+    assert!(colored.contains("\u{1b}[") && !colored.contains("\u{9b}"), "{colored:?}");
 }
 
 #[test]
@@ -177,10 +147,7 @@ fn at_most_twenty_are_shown_and_errors_go_first() {
     }
     diagnostics.extend([Diagnostic::error("the error")]);
     let out = diagnostics.render(&Sources::default(), false);
-    assert!(
-        out.starts_with("error: the error\n\nwarning: w0\n\n"),
-        "{out}"
-    );
+    assert!(out.starts_with("error: the error\n\nwarning: w0\n\n"), "{out}");
     assert!(out.ends_with("warning: w18\n\n... and 11 more\n"), "{out}");
     assert_eq!((diagnostics.len(), diagnostics.error_count()), (31, 1));
     assert!(diagnostics.has_errors() && !diagnostics.is_empty());
@@ -194,37 +161,22 @@ fn places_count_characters_and_tokens() {
         let span = sources.span_at(id, line, column);
         &sources.text(id)[span.start as usize..span.end as usize]
     };
-    assert_eq!(
-        (text(1, 1), text(1, 3), text(1, 5)),
-        ("é", "=", "\"a\\\" b\"")
-    );
+    assert_eq!((text(1, 1), text(1, 3), text(1, 5)), ("é", "=", "\"a\\\" b\""));
     assert_eq!((text(1, 15), text(1, 19), text(1, 20)), ("12.5", ";", "\r"));
-    assert_eq!(
-        (text(2, 4), text(2, 11), text(2, 14)),
-        ("gö_1", "<=", "'c'")
-    );
+    assert_eq!((text(2, 4), text(2, 11), text(2, 14)), ("gö_1", "<=", "'c'"));
     assert_eq!((text(3, 1), text(4, 7), text(0, 0)), ("\n", "", "é"));
     assert_eq!(sources.line_col(sources.span_at(id, 2, 11)), Some((2, 11)));
     assert_eq!(sources.line_col(Span::NONE), None);
     assert!(Sources::default().span_at(id, 1, 1).is_none());
-    assert_eq!(
-        (Sources::default().name(id), Sources::default().text(id)),
-        ("", "")
-    );
+    assert_eq!((Sources::default().name(id), Sources::default().text(id)), ("", ""));
 }
 
 #[test]
 fn spans_join() {
     let mut sources = Sources::default();
     let (a, b) = (sources.add("a", "abcdef"), sources.add("b", "abcdef"));
-    assert_eq!(
-        Span::new(a, 4, 5).to(Span::new(a, 1, 2)),
-        Span::new(a, 1, 5)
-    );
-    assert_eq!(
-        Span::new(a, 4, 5).to(Span::new(b, 1, 2)),
-        Span::new(a, 4, 5)
-    );
+    assert_eq!(Span::new(a, 4, 5).to(Span::new(a, 1, 2)), Span::new(a, 1, 5));
+    assert_eq!(Span::new(a, 4, 5).to(Span::new(b, 1, 2)), Span::new(a, 4, 5));
     assert_eq!(Span::NONE.to(Span::new(b, 1, 2)), Span::new(b, 1, 2));
     assert_eq!(Span::new(b, 1, 2).to(Span::NONE), Span::new(b, 1, 2));
     assert_eq!(sources.whole(a), Span::new(a, 0, 6));
@@ -249,9 +201,7 @@ fn no_span_of_no_text_panics() {
     ];
     let mut state = 1_u64;
     let mut random = move |below: usize| {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as usize % below
     };
     for round in 0..3000 {
@@ -262,14 +212,7 @@ fn no_span_of_no_text_panics() {
         let mut diagnostic = Diagnostic::error("m");
         for _ in 0..random(4) {
             let (start, end) = (random(text.len() + 3), random(text.len() + 3));
-            diagnostic = diagnostic.label(
-                Span {
-                    source: id,
-                    start: start as u32,
-                    end: end as u32,
-                },
-                "l",
-            );
+            diagnostic = diagnostic.label(Span { source: id, start: start as u32, end: end as u32 }, "l");
         }
         let mut diagnostics = Diagnostics::default();
         diagnostics.push(diagnostic);

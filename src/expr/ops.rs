@@ -66,15 +66,29 @@ fn apply<E: Evaluate, R: Real, const K: usize>(
 }
 
 macro_rules! arity {
-    ($a:ident) => { 1 };
-    ($a:ident, $b:ident) => { 2 };
-    ($a:ident, $b:ident, $c:ident) => { 3 };
+    ($a:ident) => {
+        1
+    };
+    ($a:ident, $b:ident) => {
+        2
+    };
+    ($a:ident, $b:ident, $c:ident) => {
+        3
+    };
 }
 
 macro_rules! bind {
-    ($va:ident $vb:ident $vc:ident; $a:ident) => { let $a = $va; let _ = ($vb, $vc); };
-    ($va:ident $vb:ident $vc:ident; $a:ident, $b:ident) => { let ($a, $b) = ($va, $vb); let _ = $vc; };
-    ($va:ident $vb:ident $vc:ident; $a:ident, $b:ident, $c:ident) => { let ($a, $b, $c) = ($va, $vb, $vc); };
+    ($va:ident $vb:ident $vc:ident; $a:ident) => {
+        let $a = $va;
+        let _ = ($vb, $vc);
+    };
+    ($va:ident $vb:ident $vc:ident; $a:ident, $b:ident) => {
+        let ($a, $b) = ($va, $vb);
+        let _ = $vc;
+    };
+    ($va:ident $vb:ident $vc:ident; $a:ident, $b:ident, $c:ident) => {
+        let ($a, $b, $c) = ($va, $vb, $vc);
+    };
 }
 
 macro_rules! operators {

@@ -51,9 +51,7 @@ pub fn wrong_type(value: &Value, expected: &str, diagnostics: &mut Diagnostics) 
         ValueKind::Variant(name) if expected == String::EXPECTED => {
             diagnostic.help(format!("put it into quotes: \"{}\"", name.text))
         }
-        ValueKind::Str(_) if expected == f64::EXPECTED => {
-            diagnostic.help("numbers stand without quotes")
-        }
+        ValueKind::Str(_) if expected == f64::EXPECTED => diagnostic.help("numbers stand without quotes"),
         _ => diagnostic,
     });
 }
@@ -61,14 +59,7 @@ pub fn wrong_type(value: &Value, expected: &str, diagnostics: &mut Diagnostics) 
 /// Whether a number is within its limits, both included; reports it if not, or if it is NaN.
 ///
 /// `what` starts the message, for example "`power`". An infinite limit is none.
-pub fn check_range(
-    value: f64,
-    min: f64,
-    max: f64,
-    what: &str,
-    span: Span,
-    diagnostics: &mut Diagnostics,
-) -> bool {
+pub fn check_range(value: f64, min: f64, max: f64, what: &str, span: Span, diagnostics: &mut Diagnostics) -> bool {
     if (min..=max).contains(&value) {
         return true;
     }
@@ -116,9 +107,7 @@ impl FromValue for f64 {
 /// Reads a whole number from 0 to `max`.
 fn whole(value: &Value, max: f64, expected: &str, diagnostics: &mut Diagnostics) -> Option<f64> {
     match value.kind {
-        ValueKind::Number(number) if number.fract() == 0.0 && (0.0..=max).contains(&number) => {
-            Some(number)
-        }
+        ValueKind::Number(number) if number.fract() == 0.0 && (0.0..=max).contains(&number) => Some(number),
         ValueKind::Number(number) if number.is_finite() => {
             let message = format!("expected {expected}, found {}", number_text(number));
             let label = format!("expected {expected}");
@@ -191,20 +180,13 @@ impl<T: FromValue> FromValue for Vec<T> {
             wrong_type(value, Self::EXPECTED, diagnostics);
             return None;
         };
-        let read: Vec<Option<T>> = items
-            .iter()
-            .map(|item| T::from_value(item, diagnostics))
-            .collect();
+        let read: Vec<Option<T>> = items.iter().map(|item| T::from_value(item, diagnostics)).collect();
         read.into_iter().collect()
     }
 }
 
 /// Reads a tuple or list of exactly `N` numbers.
-fn numbers<const N: usize>(
-    value: &Value,
-    expected: &str,
-    diagnostics: &mut Diagnostics,
-) -> Option<[f64; N]> {
+fn numbers<const N: usize>(value: &Value, expected: &str, diagnostics: &mut Diagnostics) -> Option<[f64; N]> {
     let items = match &value.kind {
         ValueKind::List(items) | ValueKind::Tuple { name: None, items } => items,
         _ => {
@@ -213,11 +195,7 @@ fn numbers<const N: usize>(
         }
     };
     if items.len() != N {
-        let message = format!(
-            "expected {expected}, found {} of {} items",
-            value.describe(),
-            items.len()
-        );
+        let message = format!("expected {expected}, found {} of {} items", value.describe(), items.len());
         let label = format!("expected {expected}");
         diagnostics.push(Diagnostic::error(message).label(value.span, label));
         return None;

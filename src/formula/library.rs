@@ -23,14 +23,17 @@ impl Library {
     ///
     /// Panics if a built-in file has an error, which a test rules out.
     pub fn builtin() -> Library {
-        let mut library =
-            Library { sources: Sources::default(), engine: ScriptEngine::new(), steps: BTreeMap::new() };
+        let mut library = Library { sources: Sources::default(), engine: ScriptEngine::new(), steps: BTreeMap::new() };
         let mut diagnostics = Diagnostics::default();
         for (name, text) in embedded::STEPS {
             let id = library.sources.add(format!("formulas/steps/{name}.rhai"), *text);
             library.add_step(name, id, &mut diagnostics);
         }
-        assert!(!diagnostics.has_errors(), "built-in steps are broken:\n{}", diagnostics.render(&library.sources, false));
+        assert!(
+            !diagnostics.has_errors(),
+            "built-in steps are broken:\n{}",
+            diagnostics.render(&library.sources, false)
+        );
         library
     }
 

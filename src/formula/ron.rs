@@ -42,11 +42,7 @@ pub struct Limits {
 impl Default for Limits {
     /// 1 MiB, 64 deep, 100,000 values.
     fn default() -> Self {
-        Self {
-            bytes: 1 << 20,
-            depth: 64,
-            values: 100_000,
-        }
+        Self { bytes: 1 << 20, depth: 64, values: 100_000 }
     }
 }
 
@@ -57,19 +53,10 @@ impl Default for Limits {
 /// after errors, so that more can be found in it: parts that could not be read are
 /// [`ValueKind::Invalid`](super::value::ValueKind::Invalid), and of doubled names the first is kept.
 /// Ask [`Diagnostics::has_errors`] whether all is well. Cost: linear in the length of the text.
-pub fn read_ron(
-    sources: &Sources,
-    id: SourceId,
-    limits: &Limits,
-    diagnostics: &mut Diagnostics,
-) -> Option<Value> {
+pub fn read_ron(sources: &Sources, id: SourceId, limits: &Limits, diagnostics: &mut Diagnostics) -> Option<Value> {
     let text = sources.text(id);
     if text.len() > limits.bytes {
-        let message = format!(
-            "the file has {} bytes, but at most {} are allowed",
-            text.len(),
-            limits.bytes
-        );
+        let message = format!("the file has {} bytes, but at most {} are allowed", text.len(), limits.bytes);
         diagnostics.push(Diagnostic::error(message).label(Span::new(id, 0, 0), "too long"));
         return None;
     }

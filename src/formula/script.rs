@@ -59,9 +59,7 @@ impl ScriptEngine {
 
     /// Runs a script's own statements and returns the value of the last one.
     pub fn run(&self, sources: &Sources, id: SourceId, ast: &AST, scope: &mut Scope) -> Result<Dynamic, Diagnostic> {
-        self.engine
-            .eval_ast_with_scope::<Dynamic>(scope, ast)
-            .map_err(|error| self.runtime_error(sources, id, &error))
+        self.engine.eval_ast_with_scope::<Dynamic>(scope, ast).map_err(|error| self.runtime_error(sources, id, &error))
     }
 
     /// Calls a function of a script.
@@ -120,7 +118,8 @@ fn parse_error(sources: &Sources, id: SourceId, error: &ParseError) -> Diagnosti
     let text = error.err_type().to_string();
     let diagnostic = Diagnostic::error(text.clone()).label(span_of(sources, id, error.position()), "");
     match text.contains("'switch'") {
-        true => diagnostic.help("`switch` is not available in formulas: use `if` on known values, `select` on symbolic ones"),
+        true => diagnostic
+            .help("`switch` is not available in formulas: use `if` on known values, `select` on symbolic ones"),
         false => diagnostic,
     }
 }

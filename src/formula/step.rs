@@ -440,8 +440,7 @@ impl FromValue for StepParam {
                 return None;
             }
         };
-        let mut param =
-            StepParam { name: name?, kind, default: ParamValue::Bool(false), min, max, unit, help: help? };
+        let mut param = StepParam { name: name?, kind, default: ParamValue::Bool(false), min, max, unit, help: help? };
         let Some(default) = default else {
             d.push(Diagnostic::error(format!("parameter `{}` has no default", param.name)).label(value.span, ""));
             return None;

@@ -148,8 +148,16 @@ fn to_scalar<'g>(arena: &'g Rc<Arena>, value: &Dynamic, function: &str) -> Falli
 pub fn register(engine: &mut Engine, tracer: &Rc<Tracer>) {
     engine.register_type_with_name::<Symbol>(SYMBOL_NAME);
     for (symbol, operator) in [
-        ("+", Operator::Add), ("-", Operator::Sub), ("*", Operator::Mul), ("/", Operator::Div), ("%", Operator::Mod),
-        ("<", Operator::Lt), ("<=", Operator::Le), ("==", Operator::Eq), ("&", Operator::And), ("|", Operator::Or),
+        ("+", Operator::Add),
+        ("-", Operator::Sub),
+        ("*", Operator::Mul),
+        ("/", Operator::Div),
+        ("%", Operator::Mod),
+        ("<", Operator::Lt),
+        ("<=", Operator::Le),
+        ("==", Operator::Eq),
+        ("&", Operator::And),
+        ("|", Operator::Or),
     ] {
         register_binary(engine, tracer, symbol, move |arena, a, b| apply(arena, operator, &[a, b]));
     }

@@ -78,12 +78,7 @@ impl Value {
             ValueKind::List(_) => "a list".into(),
             ValueKind::Tuple { name: None, .. } => "a tuple".into(),
             ValueKind::Struct { name: None, .. } => "a struct".into(),
-            ValueKind::Tuple {
-                name: Some(name), ..
-            }
-            | ValueKind::Struct {
-                name: Some(name), ..
-            } => {
+            ValueKind::Tuple { name: Some(name), .. } | ValueKind::Struct { name: Some(name), .. } => {
                 format!("`{}(...)`", name.text)
             }
             ValueKind::Map(_) => "a map".into(),

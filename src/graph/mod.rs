@@ -207,9 +207,7 @@ impl NodeKind {
             NodeKind::Step { .. } | NodeKind::Primitive(_) => Vec::new(),
             NodeKind::Sequence(of) | NodeKind::Union(of) | NodeKind::Intersection(of) => of.clone(),
             NodeKind::SmoothUnion { of, .. } => of.clone(),
-            NodeKind::Repeat { of, .. }
-            | NodeKind::Item { of, .. }
-            | NodeKind::Transform { of, .. } => vec![*of],
+            NodeKind::Repeat { of, .. } | NodeKind::Item { of, .. } | NodeKind::Transform { of, .. } => vec![*of],
             NodeKind::Orbit { of, settings } => {
                 std::iter::once(*of).chain(settings.pre.iter().copied()).chain(settings.post.iter().copied()).collect()
             }

@@ -9,8 +9,24 @@ use crate::formula::value::{Name, Value, ValueKind};
 
 /// Kinds of node other than steps.
 pub(super) const KEYWORDS: &[&str] = &[
-    "Sequence", "Repeat", "Blend", "Choose", "Between", "Alternate", "Item", "Orbit", "Sphere", "Box", "Torus", "Plane",
-    "Cylinder", "Union", "Intersection", "Difference", "SmoothUnion", "Transform",
+    "Sequence",
+    "Repeat",
+    "Blend",
+    "Choose",
+    "Between",
+    "Alternate",
+    "Item",
+    "Orbit",
+    "Sphere",
+    "Box",
+    "Torus",
+    "Plane",
+    "Cylinder",
+    "Union",
+    "Intersection",
+    "Difference",
+    "SmoothUnion",
+    "Transform",
 ];
 
 impl Reader<'_> {
@@ -27,7 +43,10 @@ impl Reader<'_> {
             ValueKind::Tuple { items, .. } => self.tuple_node(name, items, value),
             ValueKind::Struct { .. } => self.struct_node(name, value),
             _ => {
-                self.d.push(Diagnostic::error(format!("`{}` needs its parts", name.text)).label(value.span, "write what it is made of in brackets"));
+                self.d.push(
+                    Diagnostic::error(format!("`{}` needs its parts", name.text))
+                        .label(value.span, "write what it is made of in brackets"),
+                );
                 None
             }
         }
@@ -116,7 +135,11 @@ impl Reader<'_> {
 
     fn tuple_node(&mut self, name: &Name, items: &[Value], value: &Value) -> Kind {
         let [list] = items else {
-            self.d.push(Diagnostic::error(format!("`{}` has the wrong form", name.text)).label(value.span, "").help(form_of(&name.text)));
+            self.d.push(
+                Diagnostic::error(format!("`{}` has the wrong form", name.text))
+                    .label(value.span, "")
+                    .help(form_of(&name.text)),
+            );
             return None;
         };
         match name.text.as_str() {
@@ -125,7 +148,11 @@ impl Reader<'_> {
             "Intersection" => self.wires(list).map(NodeKind::Intersection),
             "Alternate" => self.turns(list).map(NodeKind::Alternate),
             other => {
-                self.d.push(Diagnostic::error(format!("`{other}` has the wrong form")).label(value.span, "").help(form_of(other)));
+                self.d.push(
+                    Diagnostic::error(format!("`{other}` has the wrong form"))
+                        .label(value.span, "")
+                        .help(form_of(other)),
+                );
                 None
             }
         }
@@ -166,7 +193,9 @@ impl Reader<'_> {
                 let a = fields.optional_value("a").map(|v| self.wire(v));
                 let b = self.required_wire(&mut fields, "b");
                 let weight = self.required_number(&mut fields, "weight", -10.0, 10.0);
-                self.build(|| Some(NodeKind::Blend { a: a.map_or(Some(None), |a| a.map(Some))?, b: b?, weight: weight? }))
+                self.build(|| {
+                    Some(NodeKind::Blend { a: a.map_or(Some(None), |a| a.map(Some))?, b: b?, weight: weight? })
+                })
             }
             "Choose" => self.choose(&mut fields),
             "Between" => {
@@ -183,7 +212,9 @@ impl Reader<'_> {
                 let of = self.required_wire(&mut fields, "of");
                 let constant = fields.optional_value("constant").and_then(|v| self.constant(v));
                 if constant.is_none() {
-                    self.d.push(Diagnostic::error("`Item` needs a `constant`").label(fields.span(), "").help(form_of("Item")));
+                    self.d.push(
+                        Diagnostic::error("`Item` needs a `constant`").label(fields.span(), "").help(form_of("Item")),
+                    );
                 }
                 self.build(|| Some(NodeKind::Item { of: of?, constant: constant? }))
             }
@@ -200,14 +231,24 @@ impl Reader<'_> {
                 let of = fields.optional_value("of").and_then(|v| self.wires(v));
                 let radius = self.required_number(&mut fields, "radius", 1e-6, 1e6);
                 if of.is_none() {
-                    self.d.push(Diagnostic::error("`SmoothUnion` needs its parts").label(fields.span(), "").help(form_of("SmoothUnion")));
+                    self.d.push(
+                        Diagnostic::error("`SmoothUnion` needs its parts")
+                            .label(fields.span(), "")
+                            .help(form_of("SmoothUnion")),
+                    );
                 }
                 self.build(|| Some(NodeKind::SmoothUnion { of: of?, radius: radius? }))
             }
             "Transform" => self.transform(&mut fields),
-            "Sphere" | "Box" | "Torus" | "Plane" | "Cylinder" => self.primitive(&name.text, &mut fields).map(NodeKind::Primitive),
+            "Sphere" | "Box" | "Torus" | "Plane" | "Cylinder" => {
+                self.primitive(&name.text, &mut fields).map(NodeKind::Primitive)
+            }
             other => {
-                self.d.push(Diagnostic::error(format!("`{other}` has the wrong form")).label(value.span, "").help(form_of(other)));
+                self.d.push(
+                    Diagnostic::error(format!("`{other}` has the wrong form"))
+                        .label(value.span, "")
+                        .help(form_of(other)),
+                );
                 return None;
             }
         };
@@ -219,11 +260,18 @@ impl Reader<'_> {
         make()
     }
 
-    pub(super) fn required_number(&mut self, fields: &mut Fields, name: &'static str, min: f64, max: f64) -> Option<f64> {
+    pub(super) fn required_number(
+        &mut self,
+        fields: &mut Fields,
+        name: &'static str,
+        min: f64,
+        max: f64,
+    ) -> Option<f64> {
         match fields.optional_value(name) {
             Some(value) => self.number(value, min, max),
             None => {
-                self.d.push(Diagnostic::error(format!("the field `{name}` is missing")).label(fields.span(), "a number"));
+                self.d
+                    .push(Diagnostic::error(format!("the field `{name}` is missing")).label(fields.span(), "a number"));
                 None
             }
         }
@@ -282,8 +330,11 @@ impl Reader<'_> {
         let centre = fields.optional_value("centre").map_or(Some([0.0; 3]), |v| self.vector(v, -1e6, 1e6))?;
         Some(match name {
             "Sphere" => {
-                let forms = [("signed", SphereForm::Signed), ("solid", SphereForm::Solid), ("shell", SphereForm::Shell)];
-                let form = fields.optional_value("form").map_or(Some(SphereForm::Signed), |v| self.word(v, "form of a sphere", &forms));
+                let forms =
+                    [("signed", SphereForm::Signed), ("solid", SphereForm::Solid), ("shell", SphereForm::Shell)];
+                let form = fields
+                    .optional_value("form")
+                    .map_or(Some(SphereForm::Signed), |v| self.word(v, "form of a sphere", &forms));
                 Primitive::Sphere { centre, radius: length(self, fields, "radius", 1.0)?, form: form? }
             }
             "Box" => {

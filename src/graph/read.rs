@@ -118,9 +118,7 @@ fn string_of(value: &Value) -> Option<String> {
 
 fn entry_mut<'v>(table: &'v mut Value, name: &str) -> Option<&'v mut Value> {
     match &mut table.kind {
-        ValueKind::Map(items) => {
-            items.iter_mut().find(|(k, _)| string_of(k).as_deref() == Some(name)).map(|(_, v)| v)
-        }
+        ValueKind::Map(items) => items.iter_mut().find(|(k, _)| string_of(k).as_deref() == Some(name)).map(|(_, v)| v),
         ValueKind::Struct { fields, .. } => fields.iter_mut().find(|(n, _)| n.text == name).map(|(_, v)| v),
         _ => None,
     }
@@ -192,7 +190,10 @@ impl Reader<'_> {
             self.nodes.push(None);
         }
         if nodes.len() > MAX_GRAPH_NODES {
-            self.d.push(Diagnostic::error(format!("a graph may have {MAX_GRAPH_NODES} nodes, this one has {}", nodes.len())));
+            self.d.push(Diagnostic::error(format!(
+                "a graph may have {MAX_GRAPH_NODES} nodes, this one has {}",
+                nodes.len()
+            )));
         }
     }
 
@@ -206,7 +207,11 @@ impl Reader<'_> {
             true => "add `nodes: { \"fold\": box_fold() }` and `output: \"fold\"`".to_string(),
             false => format!("add `output: \"...\"`, one of: {}", names.join(", ")),
         };
-        self.d.push(Diagnostic::error("the file does not say which node is drawn").label(span, "`output` is missing").help(help));
+        self.d.push(
+            Diagnostic::error("the file does not say which node is drawn")
+                .label(span, "`output` is missing")
+                .help(help),
+        );
         None
     }
 
@@ -304,7 +309,9 @@ impl Reader<'_> {
                 match known.map(|v| v.as_float().or(v.as_int().map(|i| i as f64))) {
                     Ok(Ok(x)) if x.is_finite() => x,
                     Ok(_) => {
-                        self.d.push(Diagnostic::error("the expression does not give a finite number").label(value.span, ""));
+                        self.d.push(
+                            Diagnostic::error("the expression does not give a finite number").label(value.span, ""),
+                        );
                         return None;
                     }
                     Err(message) => {
@@ -414,7 +421,8 @@ impl Reader<'_> {
             _ => {
                 let expected = "Mandelbrot, Julia((x, y, z)), Mix(julia: (x, y, z), amount: 0.5) or Off";
                 let message = format!("expected a constant, found {}", value.describe());
-                self.d.push(Diagnostic::error(message).label(value.span, "").help(format!("constants are: {expected}")));
+                self.d
+                    .push(Diagnostic::error(message).label(value.span, "").help(format!("constants are: {expected}")));
                 None
             }
         }
@@ -423,10 +431,15 @@ impl Reader<'_> {
     fn estimate(&mut self, value: &Value) -> Option<EstimateSettings> {
         let mut fields = Fields::new(value, "an estimate", self.d)?;
         let method = fields.optional_value("method").and_then(|v| {
-            self.word(v, "method", &Method::ALL.map(|m| (m.name(), Some(m)))).or_else(|| self.word(v, "method", &[("auto", None)]))
+            self.word(v, "method", &Method::ALL.map(|m| (m.name(), Some(m))))
+                .or_else(|| self.word(v, "method", &[("auto", None)]))
         });
         let form = fields.optional_value("form").and_then(|v| {
-            self.word(v, "form", &[("linear", Some(DeForm::Linear)), ("logarithmic", Some(DeForm::Logarithmic)), ("auto", None)])
+            self.word(
+                v,
+                "form",
+                &[("linear", Some(DeForm::Linear)), ("logarithmic", Some(DeForm::Logarithmic)), ("auto", None)],
+            )
         });
         let radius = fields.optional_value("radius").and_then(|v| self.number(v, 0.0, 1e6));
         let fudge = fields.optional_value("fudge").and_then(|v| self.number(v, 1e-3, 1.0));
@@ -446,7 +459,8 @@ impl Reader<'_> {
         }
         let list: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
         let message = format!("`{text}` is not a {what}");
-        self.d.push(Diagnostic::error(message).label(value.span, "").help(format!("choose one of: {}", list.join(", "))));
+        self.d
+            .push(Diagnostic::error(message).label(value.span, "").help(format!("choose one of: {}", list.join(", "))));
         None
     }
 
@@ -467,7 +481,9 @@ impl Reader<'_> {
         let side = cross(view, up);
         if dot(side, side) <= 1e-12 * dot(view, view) {
             let message = "the camera's position, target and up direction lie on one line";
-            self.d.push(Diagnostic::error(message).label(value.span, "").help("move the position, or choose another `up`"));
+            self.d.push(
+                Diagnostic::error(message).label(value.span, "").help("move the position, or choose another `up`"),
+            );
             return None;
         }
         Some(Camera { position, target, up, fov: fov.to_radians() })
@@ -480,7 +496,8 @@ impl Reader<'_> {
             .label(name.span, "not found")
             .did_you_mean(&name.text, candidates);
         if diagnostic.help.is_empty() {
-            diagnostic = diagnostic.help("`bulbfold list` shows all steps; a step of your own is one file, see --steps");
+            diagnostic =
+                diagnostic.help("`bulbfold list` shows all steps; a step of your own is one file, see --steps");
         }
         self.d.push(diagnostic);
     }

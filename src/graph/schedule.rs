@@ -155,11 +155,7 @@ fn resolve_map(graph: &Graph, node: NodeRef, n: u32) -> MapTree {
         NodeKind::Choose { when, then, otherwise } => match when.by_iteration(n) {
             Some(true) => resolve_map(graph, *then, n),
             Some(false) => or_identity(*otherwise),
-            None => MapTree::Choose(
-                *when,
-                Box::new(resolve_map(graph, *then, n)),
-                Box::new(or_identity(*otherwise)),
-            ),
+            None => MapTree::Choose(*when, Box::new(resolve_map(graph, *then, n)), Box::new(or_identity(*otherwise))),
         },
         NodeKind::Between { of, from, to, otherwise } => match (*from..*to).contains(&n) {
             true => resolve_map(graph, *of, n),
@@ -185,7 +181,7 @@ impl Condition {
 #[cfg(test)]
 mod tests {
     use super::{Schedule, find_period};
-    
+
     #[test]
     fn periods_are_found_behind_a_prefix() {
         assert_eq!(find_period(&[0, 0, 1, 0, 0, 1, 0]), Schedule { prefix: vec![], cycle: vec![0, 0, 1] });

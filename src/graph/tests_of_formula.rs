@@ -55,7 +55,9 @@ const KINDS: &[&str] =
 pub(super) fn read_test(reader: &mut Reader, value: &Value) -> Option<FormulaTest> {
     let Some(name) = value.name() else {
         let message = format!("expected a test, found {}", value.describe());
-        reader.d.push(Diagnostic::error(message).label(value.span, "").help(format!("tests are: {}", KINDS.join(", "))));
+        reader
+            .d
+            .push(Diagnostic::error(message).label(value.span, "").help(format!("tests are: {}", KINDS.join(", "))));
         return None;
     };
     let kind = match name.text.as_str() {

@@ -79,8 +79,11 @@ fn check_cycles(graph: &Graph, d: &mut Diagnostics) -> bool {
 
 fn report_cycle(graph: &Graph, path: &[(usize, usize)], back_to: usize, d: &mut Diagnostics) {
     let start = path.iter().position(|(node, _)| *node == back_to).unwrap_or(0);
-    let names: Vec<&str> =
-        path[start..].iter().map(|(node, _)| graph.nodes[*node].name.as_str()).chain([graph.nodes[back_to].name.as_str()]).collect();
+    let names: Vec<&str> = path[start..]
+        .iter()
+        .map(|(node, _)| graph.nodes[*node].name.as_str())
+        .chain([graph.nodes[back_to].name.as_str()])
+        .collect();
     let mut diagnostic = Diagnostic::error(format!("the wires form a cycle: {}", names.join(" -> ")));
     for (node, _) in &path[start..] {
         diagnostic = diagnostic.label(graph.nodes[*node].span, "on the cycle");
@@ -124,7 +127,8 @@ fn check_kinds(graph: &Graph, node: &Node, d: &mut Diagnostics) {
         for wire in node.kind.wires() {
             let target = graph.node(wire);
             if !target.kind.is_map() {
-                let message = format!("`{}` is a distance field and cannot be a part of `{}`", target.name, node.kind.keyword());
+                let message =
+                    format!("`{}` is a distance field and cannot be a part of `{}`", target.name, node.kind.keyword());
                 d.push(
                     Diagnostic::error(message)
                         .label(node.span, "needs maps of the orbit")
@@ -135,8 +139,10 @@ fn check_kinds(graph: &Graph, node: &Node, d: &mut Diagnostics) {
         }
     }
     let iteration_only = |wire: &NodeRef| matches!(graph.node(*wire).kind, NodeKind::Item { .. });
-    let holds_iterations =
-        matches!(node.kind, NodeKind::Alternate(_) | NodeKind::Between { .. } | NodeKind::Choose { .. } | NodeKind::Orbit { .. });
+    let holds_iterations = matches!(
+        node.kind,
+        NodeKind::Alternate(_) | NodeKind::Between { .. } | NodeKind::Choose { .. } | NodeKind::Orbit { .. }
+    );
     if !holds_iterations && let Some(item) = node.kind.wires().iter().find(|w| iteration_only(w)) {
         let message = format!("`{}` cannot stand inside `{}`", graph.node(*item).name, node.kind.keyword());
         let help = "an Item is a whole iteration: use it in Alternate, Between, Choose by iteration, or as the output";

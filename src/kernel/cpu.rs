@@ -130,9 +130,7 @@ impl Backend for Cpu {
     fn upload(&self, columns: &[Vec<f64>]) -> Result<CpuColumns, BackendError> {
         Ok(match self.precision {
             Precision::F64 => CpuColumns::F64(columns.to_vec()),
-            Precision::F32 => {
-                CpuColumns::F32(columns.iter().map(|c| c.iter().map(|&x| x as f32).collect()).collect())
-            }
+            Precision::F32 => CpuColumns::F32(columns.iter().map(|c| c.iter().map(|&x| x as f32).collect()).collect()),
         })
     }
 

@@ -200,7 +200,10 @@ impl std::fmt::Display for BackendError {
             BackendError::DeviceLost(text) => write!(f, "the GPU device was lost: {text}"),
             BackendError::OutOfMemory(text) => write!(f, "the GPU has too little memory: {text}"),
             BackendError::InvalidWgsl(text) => {
-                write!(f, "generated WGSL was refused, which is a bug in bulbfold; please report the formula file and this:\n{text}")
+                write!(
+                    f,
+                    "generated WGSL was refused, which is a bug in bulbfold; please report the formula file and this:\n{text}"
+                )
             }
         }
     }

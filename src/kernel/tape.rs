@@ -78,9 +78,7 @@ pub fn lower_group(arena: &Arena, functions: &[(&Function, u16)], free_from: u16
     let first_temporary = free_from + constants.registers.len() as u16;
     let tapes = functions
         .iter()
-        .map(|(function, inputs_at)| {
-            Lowering::new(arena, function, *inputs_at, &constants, first_temporary).finish()
-        })
+        .map(|(function, inputs_at)| Lowering::new(arena, function, *inputs_at, &constants, first_temporary).finish())
         .collect();
     (tapes, constants)
 }
@@ -256,9 +254,8 @@ impl<'a> Lowering<'a> {
             if !is_sum || !self.needed.contains_key(&id) {
                 continue;
             }
-            let fusible = |p: &&NodeId| {
-                self.arena.node(**p).op == Op::Apply(Operator::Mul) && self.uses.get(p) == Some(&1)
-            };
+            let fusible =
+                |p: &&NodeId| self.arena.node(**p).op == Op::Apply(Operator::Mul) && self.uses.get(p) == Some(&1);
             if let Some(product) = node.args().iter().find(fusible) {
                 self.absorbed.insert(*product);
             }
@@ -405,7 +402,8 @@ fn mask(width: u8) -> u8 {
 impl Tape {
     /// A listing, one instruction a line.
     pub fn listing(&self, constants: &Constants) -> String {
-        let mut text = format!("{} ({} instructions, {} registers)\n", self.name, self.instructions.len(), self.register_count);
+        let mut text =
+            format!("{} ({} instructions, {} registers)\n", self.name, self.instructions.len(), self.register_count);
         let values: HashMap<u16, f64> = constants.iter().collect();
         let name = |register: u16| match values.get(&register) {
             Some(value) => format!("{value}"),

@@ -253,23 +253,16 @@ fn sin_cos<S: Simd>(x: S::f32s) -> (S::f32s, S::f32s) {
     let r = reduced.abs().simd_le(1.0).select(reduced, x * 0.0);
 
     let z = r * r;
-    let sin = z
-        .mul_add(-1.951_529_6e-4, 8.332_161e-3)
-        .mul_add(z, -0.166_666_55);
+    let sin = z.mul_add(-1.951_529_6e-4, 8.332_161e-3).mul_add(z, -0.166_666_55);
     // Adding 0 makes this 0, not -0, for r = -0, which keeps the sign of sin(-0).
     let sin = z.mul_add(sin, 0.0).mul_add(r, r);
-    let cos = z
-        .mul_add(2.443_315_7e-5, -1.388_731_6e-3)
-        .mul_add(z, 4.166_664_6e-2);
+    let cos = z.mul_add(2.443_315_7e-5, -1.388_731_6e-3).mul_add(z, 4.166_664_6e-2);
     let cos = cos.mul_add(z, -0.5).mul_add(z, 1.0);
 
     let even = (turns & 1).simd_eq(0);
     let sin_sign = (turns & 2) << 30;
     let cos_sign = ((turns + 1) & 2) << 30;
-    (
-        flip_sign::<S>(even.select(sin, cos), sin_sign),
-        flip_sign::<S>(even.select(cos, sin), cos_sign),
-    )
+    (flip_sign::<S>(even.select(sin, cos), sin_sign), flip_sign::<S>(even.select(cos, sin), cos_sign))
 }
 
 /// `x` with the bits of `sign` flipped.
@@ -324,16 +317,7 @@ fn asin_core<S: Simd>(x: S::f32s) -> (S::f32s, S::mask32s) {
     let large = magnitude.simd_gt(0.5);
     let z = large.select(magnitude.mul_add(-0.5, 0.5), magnitude * magnitude);
     let s = large.select(z.sqrt(), magnitude);
-    let tail = polynomial::<S, 5>(
-        z,
-        [
-            0.042_163_2,
-            0.024_181_312,
-            0.045_470_026,
-            0.074_953,
-            0.166_667_52,
-        ],
-    );
+    let tail = polynomial::<S, 5>(z, [0.042_163_2, 0.024_181_312, 0.045_470_026, 0.074_953, 0.166_667_52]);
     ((s * z).mul_add(tail, s), large)
 }
 
@@ -384,17 +368,7 @@ fn exp<S: Simd>(x: S::f32s) -> S::f32s {
     let n = shifted - ROUNDER;
     let r = n.mul_add(-LN_2_PARTS[0], x);
     let r = n.mul_add(-LN_2_PARTS[1], r);
-    let tail = polynomial::<S, 6>(
-        r,
-        [
-            1.987_569_1e-4,
-            1.398_2e-3,
-            8.333_452e-3,
-            4.166_579_6e-2,
-            0.166_666_65,
-            0.5,
-        ],
-    );
+    let tail = polynomial::<S, 6>(r, [1.987_569_1e-4, 1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 0.166_666_65, 0.5]);
     let power = (r * r).mul_add(tail, r) + 1.0;
     scale::<S>(power, shifted)
 }
@@ -440,8 +414,7 @@ fn ln<S: Simd>(x: S::f32s) -> S::f32s {
     // Infinity and NaN give themselves.
     let result = x.simd_lt(f32::INFINITY).select(result, x);
     let below = x.simd_lt(0.0).select(same::<S>(x, f32::NAN), result);
-    x.simd_eq(0.0)
-        .select(same::<S>(x, f32::NEG_INFINITY), below)
+    x.simd_eq(0.0).select(same::<S>(x, f32::NEG_INFINITY), below)
 }
 
 /// log2 of a positive finite `x` as an unevaluated sum (high, low) of two `f32`, good to about 2^-31.
@@ -490,17 +463,7 @@ fn pow<S: Simd>(x: S::f32s, y: S::f32s) -> S::f32s {
 
     let shifted = high + ROUNDER;
     let r = (high - (shifted - ROUNDER)) + low;
-    let tail = polynomial::<S, 6>(
-        r,
-        [
-            1.545_316_3e-4,
-            1.339_086_3e-3,
-            9.618_083e-3,
-            5.550_357e-2,
-            0.240_226_5,
-            LN_2,
-        ],
-    );
+    let tail = polynomial::<S, 6>(r, [1.545_316_3e-4, 1.339_086_3e-3, 9.618_083e-3, 5.550_357e-2, 0.240_226_5, LN_2]);
     let power = scale::<S>(r.mul_add(tail, 1.0), shifted);
 
     let one = same::<S>(x, 1.0);
@@ -548,23 +511,14 @@ mod tests {
                 for (i, want) in want.iter().enumerate() {
                     let got = results[i];
                     let same = got.to_bits() == want.to_bits() || got.is_nan() && want.is_nan();
-                    assert!(
-                        same,
-                        "{level:?}: ({:e}, {:e}) gave {got:e}, not {want:e}",
-                        a[i], b[i]
-                    );
+                    assert!(same, "{level:?}: ({:e}, {:e}) gave {got:e}, not {want:e}", a[i], b[i]);
                 }
             }
         };
     }
 
     #[inline(always)]
-    fn map_lanes<S: Simd>(
-        token: S,
-        a: &[f32],
-        b: &[f32],
-        f: impl Fn(Lanes<S>, Lanes<S>) -> Lanes<S>,
-    ) -> Vec<f32> {
+    fn map_lanes<S: Simd>(token: S, a: &[f32], b: &[f32], f: impl Fn(Lanes<S>, Lanes<S>) -> Lanes<S>) -> Vec<f32> {
         let mut out = vec![0.0; a.len()];
         let width = Lanes::<S>::LANES;
         for start in (0..a.len()).step_by(width) {
@@ -579,16 +533,11 @@ mod tests {
     fn levels() -> Vec<Level> {
         let best = Level::new();
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
-        let lower = [
-            best.as_avx2().map(Simd::level),
-            best.as_sse4_2().map(Simd::level),
-            best.as_sse2().map(Simd::level),
-        ];
+        let lower =
+            [best.as_avx2().map(Simd::level), best.as_sse4_2().map(Simd::level), best.as_sse2().map(Simd::level)];
         #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
         let lower = [None];
-        std::iter::once(best)
-            .chain(lower.into_iter().flatten())
-            .collect()
+        std::iter::once(best).chain(lower.into_iter().flatten()).collect()
     }
 
     /// Columns of a table, padded to a multiple of every lane count.
@@ -633,9 +582,7 @@ mod tests {
 
     /// Samples from `low` to `high`.
     fn linear(low: f64, high: f64) -> Vec<f32> {
-        spread(0.25)
-            .map(|t| (low + (high - low) * t) as f32)
-            .collect()
+        spread(0.25).map(|t| (low + (high - low) * t) as f32).collect()
     }
 
     /// Samples of both signs with magnitudes from `low` to `high`, as many in each octave.
@@ -681,12 +628,7 @@ mod tests {
             [NAN, 0.0, NAN],
         ];
         assert_exact!(sines, |x, _| x.sin_cos().0);
-        let cosines = [
-            [0.0, 0.0, 1.0],
-            [-0.0, 0.0, 1.0],
-            [INF, 0.0, NAN],
-            [NAN, 0.0, NAN],
-        ];
+        let cosines = [[0.0, 0.0, 1.0], [-0.0, 0.0, 1.0], [INF, 0.0, NAN], [NAN, 0.0, NAN]];
         assert_exact!(cosines, |x, _| x.sin_cos().1);
         let huge = octaves(1e6, 3e38);
         for level in levels() {
@@ -710,8 +652,7 @@ mod tests {
         }
         let x = linear(0.9, 1.1);
         let y = linear(-1.0, 1.0);
-        assert_close!(3.0, 0.0, y, x, |y, x| (y / y).atan2(x), |_, x| 1f64
-            .atan2(x));
+        assert_close!(3.0, 0.0, y, x, |y, x| (y / y).atan2(x), |_, x| 1f64.atan2(x));
     }
 
     #[test]
@@ -752,10 +693,7 @@ mod tests {
 
     #[test]
     fn acos_and_asin_are_close() {
-        let near_one = octaves(1e-12, 1.0)
-            .into_iter()
-            .map(|x| 1.0 - x.abs())
-            .collect();
+        let near_one = octaves(1e-12, 1.0).into_iter().map(|x| 1.0 - x.abs()).collect();
         for x in [linear(-1.0, 1.0), octaves(1e-12, 1.0), near_one] {
             assert_close!(3.0, 0.0, x, x, |x, _| x.acos(), |x, _| x.acos());
             assert_close!(3.0, 0.0, x, x, |x, _| x.asin(), |x, _| x.asin());
@@ -811,11 +749,7 @@ mod tests {
 
     #[test]
     fn ln_is_close_and_marks_its_borders() {
-        for x in [
-            linear(0.5, 2.0),
-            magnitudes(octaves(1e-38, 1e38)),
-            linear(1e-45, 1.2e-38),
-        ] {
+        for x in [linear(0.5, 2.0), magnitudes(octaves(1e-38, 1e38)), linear(1e-45, 1.2e-38)] {
             assert_close!(2.0, 0.0, x, x, |x, _| x.ln(), |x, _| x.ln());
         }
         let table = [
@@ -888,26 +822,11 @@ mod tests {
 
     #[test]
     fn masks_select_and_convert() {
-        let table = [
-            [1.0, 2.0, 1.0],
-            [2.0, 1.0, 0.0],
-            [1.0, 1.0, 0.0],
-            [NAN, 1.0, 0.0],
-        ];
+        let table = [[1.0, 2.0, 1.0], [2.0, 1.0, 0.0], [1.0, 1.0, 0.0], [NAN, 1.0, 0.0]];
         assert_exact!(table, |x, y| below(x, y));
-        let table = [
-            [1.0, 2.0, 1.0],
-            [2.0, 1.0, 1.0],
-            [1.0, 1.0, 1.0],
-            [NAN, 1.0, -1.0],
-        ];
+        let table = [[1.0, 2.0, 1.0], [2.0, 1.0, 1.0], [1.0, 1.0, 1.0], [NAN, 1.0, -1.0]];
         assert_exact!(table, |x, y| smaller_or_negated(x, y));
-        let table = [
-            [0.0, 0.0, 0.0],
-            [0.5, 0.0, 0.0],
-            [0.6, 0.0, 1.0],
-            [1.0, 0.0, 1.0],
-        ];
+        let table = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.6, 0.0, 1.0], [1.0, 0.0, 1.0]];
         assert_exact!(table, |x, _| round_through_mask(x));
     }
 

@@ -58,11 +58,7 @@ impl Real for f64 {
 
     #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
-        if FUSED {
-            f64::mul_add(self, a, b)
-        } else {
-            self * a + b
-        }
+        if FUSED { f64::mul_add(self, a, b) } else { self * a + b }
     }
 
     #[inline(always)]
@@ -72,11 +68,7 @@ impl Real for f64 {
 
     #[inline(always)]
     fn atan2(self, x: Self) -> Self {
-        if self == 0.0 && x == 0.0 {
-            self
-        } else {
-            self.atan2(x)
-        }
+        if self == 0.0 && x == 0.0 { self } else { self.atan2(x) }
     }
 
     #[inline(always)]
@@ -101,11 +93,7 @@ impl Real for f64 {
 
     #[inline(always)]
     fn pow(self, y: Self) -> Self {
-        if self >= 0.0 && !y.is_nan() {
-            self.abs().powf(y)
-        } else {
-            f64::NAN
-        }
+        if self >= 0.0 && !y.is_nan() { self.abs().powf(y) } else { f64::NAN }
     }
 
     #[inline(always)]

@@ -5,8 +5,8 @@
 
 mod colour;
 
-pub use colour::{compose_colour, compose_encode};
 pub(crate) use colour::sun_direction;
+pub use colour::{compose_colour, compose_encode};
 
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::Camera;

@@ -34,11 +34,7 @@ impl<'a> Fields<'a> {
     /// Opens a value; `None` after reporting that it has no named parts.
     ///
     /// `what` says in messages what the value is, with article: "a fractal".
-    pub fn new(
-        value: &'a Value,
-        what: &'static str,
-        diagnostics: &mut Diagnostics,
-    ) -> Option<Self> {
+    pub fn new(value: &'a Value, what: &'static str, diagnostics: &mut Diagnostics) -> Option<Self> {
         let name = match &value.kind {
             ValueKind::Struct { name, .. } => name.as_ref(),
             ValueKind::Tuple { name, items } if items.is_empty() => name.as_ref(),
@@ -50,10 +46,7 @@ impl<'a> Fields<'a> {
             }
         };
         let entries = entries(value, what, diagnostics);
-        let places = entries
-            .iter()
-            .enumerate()
-            .map(|(index, (name, _))| (name.text.clone(), index));
+        let places = entries.iter().enumerate().map(|(index, (name, _))| (name.text.clone(), index));
         Some(Self {
             what,
             span: value.span,
@@ -76,41 +69,24 @@ impl<'a> Fields<'a> {
     }
 
     /// Reads a field that must be there; `None` after reporting that it is not, or is of the wrong type.
-    pub fn required<T: FromValue>(
-        &mut self,
-        name: &'static str,
-        diagnostics: &mut Diagnostics,
-    ) -> Option<T> {
+    pub fn required<T: FromValue>(&mut self, name: &'static str, diagnostics: &mut Diagnostics) -> Option<T> {
         let Some(value) = self.optional_value(name) else {
             let message = format!("{} needs the field `{name}`", self.what);
             let label = format!("`{name}` is missing here");
             let help = format!("add `{name}: ...`, {}", T::EXPECTED);
-            diagnostics.push(
-                Diagnostic::error(message)
-                    .label(self.span, label)
-                    .help(help),
-            );
+            diagnostics.push(Diagnostic::error(message).label(self.span, label).help(help));
             return None;
         };
         T::from_value(value, diagnostics)
     }
 
     /// Reads a field that may be absent (or `None`); also `None` after reporting a wrong type.
-    pub fn optional<T: FromValue>(
-        &mut self,
-        name: &'static str,
-        diagnostics: &mut Diagnostics,
-    ) -> Option<T> {
+    pub fn optional<T: FromValue>(&mut self, name: &'static str, diagnostics: &mut Diagnostics) -> Option<T> {
         T::from_value(self.optional_value(name)?, diagnostics)
     }
 
     /// Reads a field, or takes the default if it is absent, or `None`, or (reported) of the wrong type.
-    pub fn or<T: FromValue>(
-        &mut self,
-        name: &'static str,
-        default: T,
-        diagnostics: &mut Diagnostics,
-    ) -> T {
+    pub fn or<T: FromValue>(&mut self, name: &'static str, default: T, diagnostics: &mut Diagnostics) -> T {
         self.optional(name, diagnostics).unwrap_or(default)
     }
 
@@ -127,11 +103,7 @@ impl<'a> Fields<'a> {
 
     /// All fields not asked for yet, in order; from now on they count as asked for.
     pub fn rest(&mut self) -> Vec<(Name, &'a Value)> {
-        let unused = self
-            .used
-            .iter_mut()
-            .zip(&self.entries)
-            .filter(|(used, _)| !**used);
+        let unused = self.used.iter_mut().zip(&self.entries).filter(|(used, _)| !**used);
         unused
             .map(|(used, (name, value))| {
                 *used = true;
@@ -142,15 +114,10 @@ impl<'a> Fields<'a> {
 
     /// Reports every field that nobody asked for, with the nearest legal name, or all of them.
     pub fn finish(self, diagnostics: &mut Diagnostics) {
-        let unknown = self
-            .entries
-            .iter()
-            .zip(&self.used)
-            .filter(|(_, used)| !**used);
+        let unknown = self.entries.iter().zip(&self.used).filter(|(_, used)| !**used);
         for (count, ((name, _), _)) in unknown.enumerate() {
-            let mut diagnostic =
-                Diagnostic::error(format!("{} has no field `{}`", self.what, name.text))
-                    .label(name.span, "unknown field");
+            let mut diagnostic = Diagnostic::error(format!("{} has no field `{}`", self.what, name.text))
+                .label(name.span, "unknown field");
             if count < MAX_HINTS {
                 diagnostic = diagnostic.did_you_mean(&name.text, self.asked.iter().copied());
                 if diagnostic.help.is_empty() {
@@ -179,17 +146,10 @@ impl<'a> Fields<'a> {
 ///
 /// Keys may be strings or bare identifiers. `()` has no parts. Of a name given twice (which no RON file
 /// can hold, except once as string and once bare) the first stays, and the second is reported.
-pub fn entries<'a>(
-    value: &'a Value,
-    what: &str,
-    diagnostics: &mut Diagnostics,
-) -> Vec<(Name, &'a Value)> {
+pub fn entries<'a>(value: &'a Value, what: &str, diagnostics: &mut Diagnostics) -> Vec<(Name, &'a Value)> {
     let entries = match &value.kind {
         ValueKind::Struct { fields, .. } => {
-            return fields
-                .iter()
-                .map(|(name, value)| (name.clone(), value))
-                .collect();
+            return fields.iter().map(|(name, value)| (name.clone(), value)).collect();
         }
         ValueKind::Map(entries) => entries,
         ValueKind::Tuple { items, .. } if items.is_empty() => return Vec::new(),

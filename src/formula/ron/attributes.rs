@@ -12,10 +12,8 @@ impl Reader<'_> {
             let is_read = self.attribute()?;
             if !is_read {
                 let span = self.span_from(start).to(self.span(start, start + 1));
-                let diagnostic =
-                    Diagnostic::error("this attribute is not one of RON's").label(span, "here");
-                let diagnostic =
-                    diagnostic.help("write `#![enable(implicit_some)]`, or leave it out");
+                let diagnostic = Diagnostic::error("this attribute is not one of RON's").label(span, "here");
+                let diagnostic = diagnostic.help("write `#![enable(implicit_some)]`, or leave it out");
                 let fail = self.report(diagnostic);
                 return Err(fail);
             }
@@ -57,12 +55,8 @@ impl Reader<'_> {
 
     /// Reads names of RON extensions up to the `)`.
     fn extensions(&mut self) -> Outcome<bool> {
-        const KNOWN: [&str; 4] = [
-            "unwrap_newtypes",
-            "implicit_some",
-            "unwrap_variant_newtypes",
-            "explicit_struct_names",
-        ];
+        const KNOWN: [&str; 4] =
+            ["unwrap_newtypes", "implicit_some", "unwrap_variant_newtypes", "explicit_struct_names"];
         loop {
             self.skip_gap()?;
             if self.eat(')') {

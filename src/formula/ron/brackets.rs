@@ -22,29 +22,13 @@ struct Shape {
 }
 
 /// Items of a tuple.
-const TUPLE: Shape = Shape {
-    close: ')',
-    item: "a value",
-    starts_item: scan::is_value_start,
-};
+const TUPLE: Shape = Shape { close: ')', item: "a value", starts_item: scan::is_value_start };
 /// Items of a list.
-const LIST: Shape = Shape {
-    close: ']',
-    item: "a value",
-    starts_item: scan::is_value_start,
-};
+const LIST: Shape = Shape { close: ']', item: "a value", starts_item: scan::is_value_start };
 /// Entries of a map.
-const MAP: Shape = Shape {
-    close: '}',
-    item: "a key",
-    starts_item: scan::is_value_start,
-};
+const MAP: Shape = Shape { close: '}', item: "a key", starts_item: scan::is_value_start };
 /// Fields of a struct.
-const STRUCT: Shape = Shape {
-    close: ')',
-    item: "a field",
-    starts_item: |text| scan::name_len(text) > 0,
-};
+const STRUCT: Shape = Shape { close: ')', item: "a field", starts_item: |text| scan::name_len(text) > 0 };
 
 impl Reader<'_> {
     /// Reads an opening bracket.
@@ -101,10 +85,7 @@ impl Reader<'_> {
     fn value_or_invalid(&mut self, start: usize) -> (Value, Outcome<()>) {
         match self.value() {
             Ok(value) => (value, Ok(())),
-            Err(fail) => (
-                Value::new(self.span_from(start), ValueKind::Invalid),
-                Err(fail),
-            ),
+            Err(fail) => (Value::new(self.span_from(start), ValueKind::Invalid), Err(fail)),
         }
     }
 
@@ -139,10 +120,7 @@ impl Reader<'_> {
         let start = self.at;
         if !self.eat(':') {
             let fail = self.fail_expected("`:` and a value");
-            return Ok((
-                Value::new(self.span(start, start), ValueKind::Invalid),
-                Err(fail),
-            ));
+            return Ok((Value::new(self.span(start, start), ValueKind::Invalid), Err(fail)));
         }
         self.skip_gap()?;
         Ok(self.value_or_invalid(self.at))
@@ -176,11 +154,7 @@ impl Reader<'_> {
     ///
     /// After an error in an item, and after a missing comma, it goes on with the next item. Each turn
     /// reads at least one character, or ends.
-    fn sequence(
-        &mut self,
-        shape: &Shape,
-        mut item: impl FnMut(&mut Self) -> Outcome<()>,
-    ) -> Outcome<()> {
+    fn sequence(&mut self, shape: &Shape, mut item: impl FnMut(&mut Self) -> Outcome<()>) -> Outcome<()> {
         let close = shape.close;
         let (mut had_item, mut after_item) = (false, false);
         loop {
@@ -231,11 +205,7 @@ impl Reader<'_> {
     /// Whether a list goes on with `name:` inside a struct. Then its bracket must have been forgotten:
     /// that is reported, and the list counts as closed.
     fn list_ran_into_field(&mut self, close: char, after_item: bool) -> Outcome<bool> {
-        let outer = self
-            .open
-            .len()
-            .checked_sub(2)
-            .map(|index| self.open[index].0);
+        let outer = self.open.len().checked_sub(2).map(|index| self.open[index].0);
         if close != ']' || outer != Some('(') || !self.is_field_next() {
             return Ok(false);
         }
@@ -267,10 +237,7 @@ impl Reader<'_> {
             _ => '{',
         };
         self.open.pop();
-        let waiting = self
-            .open
-            .iter()
-            .rposition(|(bracket, _)| *bracket == wanted);
+        let waiting = self.open.iter().rposition(|(bracket, _)| *bracket == wanted);
         let is_forgotten = match waiting {
             None => false,
             Some(0) => self.peek_past_gap(self.at + 1).is_none(),

@@ -29,10 +29,7 @@ const SUFFIXES: [(&str, f64, f64); 12] = [
 
 /// Whether an identifier is one of RON's names for NaN and infinity.
 pub(super) fn is_not_finite_name(name: &str) -> bool {
-    let bare = name
-        .strip_suffix("f32")
-        .or(name.strip_suffix("f64"))
-        .unwrap_or(name);
+    let bare = name.strip_suffix("f32").or(name.strip_suffix("f64")).unwrap_or(name);
     matches!(bare, "NaN" | "inf")
 }
 
@@ -61,11 +58,7 @@ pub(super) fn parse_number(text: &str) -> Result<f64, NumberError> {
     };
     let number = sign * magnitude;
     let Some((name, least, greatest)) = suffix else {
-        return if number.is_finite() {
-            Ok(number)
-        } else {
-            Err(NumberError::TooLarge)
-        };
+        return if number.is_finite() { Ok(number) } else { Err(NumberError::TooLarge) };
     };
     if name.starts_with('f') {
         if radix.is_some() {
@@ -74,23 +67,13 @@ pub(super) fn parse_number(text: &str) -> Result<f64, NumberError> {
     } else if digits.contains('.') || (radix.is_none() && digits.contains(['e', 'E'])) {
         return Err(NumberError::Malformed);
     }
-    let number = if name == "f32" {
-        f64::from(number as f32)
-    } else {
-        number
-    };
-    if (least..=greatest).contains(&number) {
-        Ok(number)
-    } else {
-        Err(NumberError::TooLarge)
-    }
+    let number = if name == "f32" { f64::from(number as f32) } else { number };
+    if (least..=greatest).contains(&number) { Ok(number) } else { Err(NumberError::TooLarge) }
 }
 
 /// Splits off the type at the end. In hexadecimal `f32` is digits.
 fn split_suffix(body: &str, is_hex: bool) -> (&str, Option<(&'static str, f64, f64)>) {
-    let suffixes = SUFFIXES
-        .into_iter()
-        .filter(|(name, ..)| !is_hex || !name.starts_with('f'));
+    let suffixes = SUFFIXES.into_iter().filter(|(name, ..)| !is_hex || !name.starts_with('f'));
     for suffix in suffixes {
         if let Some(digits) = body.strip_suffix(suffix.0) {
             return (digits, Some(suffix));
@@ -126,11 +109,7 @@ fn parse_decimal(digits: &str) -> Result<f64, NumberError> {
         return Err(NumberError::Malformed);
     }
     let number: f64 = plain.parse().map_err(|_| NumberError::Malformed)?;
-    if number.is_finite() {
-        Ok(number)
-    } else {
-        Err(NumberError::TooLarge)
-    }
+    if number.is_finite() { Ok(number) } else { Err(NumberError::TooLarge) }
 }
 
 #[cfg(test)]
@@ -202,10 +181,7 @@ mod tests {
         ] {
             assert_eq!(parse_number(text), Err(error), "{text}");
         }
-        assert_eq!(
-            parse_number(&format!("0x1{}", "0".repeat(40))),
-            Err(TooLarge)
-        );
+        assert_eq!(parse_number(&format!("0x1{}", "0".repeat(40))), Err(TooLarge));
         assert_eq!(parse_number(&"9".repeat(400)), Err(TooLarge));
     }
 }

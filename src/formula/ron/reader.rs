@@ -45,23 +45,8 @@ pub(super) struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     /// Starts at the front of a text.
-    pub fn new(
-        text: &'a str,
-        id: SourceId,
-        limits: &'a Limits,
-        diagnostics: &'a mut Diagnostics,
-    ) -> Self {
-        Self {
-            text,
-            at: 0,
-            id,
-            open: Vec::new(),
-            has_read_comma: false,
-            limits,
-            values: 0,
-            errors: 0,
-            diagnostics,
-        }
+    pub fn new(text: &'a str, id: SourceId, limits: &'a Limits, diagnostics: &'a mut Diagnostics) -> Self {
+        Self { text, at: 0, id, open: Vec::new(), has_read_comma: false, limits, values: 0, errors: 0, diagnostics }
     }
 
     /// Reads attributes, one value and the end of the text.
@@ -115,11 +100,7 @@ impl<'a> Reader<'a> {
     pub fn report(&mut self, diagnostic: Diagnostic) -> Fail {
         self.diagnostics.push(diagnostic);
         self.errors += 1;
-        if self.errors < MAX_ERRORS {
-            Fail::Item
-        } else {
-            Fail::Stop
-        }
+        if self.errors < MAX_ERRORS { Fail::Item } else { Fail::Stop }
     }
 
     /// Pushes an error that leaves the reading where it is.
@@ -149,8 +130,7 @@ impl<'a> Reader<'a> {
                 let start = self.at + len;
                 let label = "this comment is never closed";
                 self.report(
-                    Diagnostic::error("expected `*/`, found end of file")
-                        .label(self.span(start, start + 2), label),
+                    Diagnostic::error("expected `*/`, found end of file").label(self.span(start, start + 2), label),
                 );
                 Err(Fail::Stop)
             }
@@ -174,9 +154,7 @@ impl<'a> Reader<'a> {
         self.values += 1;
         if self.values > self.limits.values {
             let message = format!("the file has more than {} values", self.limits.values);
-            self.report(
-                Diagnostic::error(message).label(self.span(start, start), "stopped reading here"),
-            );
+            self.report(Diagnostic::error(message).label(self.span(start, start), "stopped reading here"));
             return Err(Fail::Stop);
         }
         let kind = match rest.chars().next() {
@@ -205,8 +183,7 @@ impl<'a> Reader<'a> {
             None => {
                 let quote = self.rest().find('"').unwrap_or(0);
                 let span = self.span(self.at, self.at + quote + 1);
-                let diagnostic =
-                    Diagnostic::error("this string is never closed").label(span, "opened here");
+                let diagnostic = Diagnostic::error("this string is never closed").label(span, "opened here");
                 self.report(diagnostic);
                 Err(Fail::Stop)
             }
@@ -232,16 +209,10 @@ impl<'a> Reader<'a> {
         let is_good = literal.faults.is_empty();
         for (range, fault) in literal.faults {
             let span = self.span(self.at + range.start, self.at + range.end);
-            self.report_and_go_on(
-                Diagnostic::error("a string or character is misspelled").label(span, fault),
-            )?;
+            self.report_and_go_on(Diagnostic::error("a string or character is misspelled").label(span, fault))?;
         }
         self.at += literal.len;
-        Ok(if is_good {
-            ValueKind::Str(literal.value)
-        } else {
-            ValueKind::Invalid
-        })
+        Ok(if is_good { ValueKind::Str(literal.value) } else { ValueKind::Invalid })
     }
 
     /// Reads a number.
@@ -301,10 +272,7 @@ impl<'a> Reader<'a> {
         let text = &self.text[start..self.at];
         if loose > len {
             let diagnostic = Diagnostic::error(format!("`{text}` is not an identifier"))
-                .label(
-                    self.span(start + len, self.at),
-                    "letters, digits and `_` only",
-                )
+                .label(self.span(start + len, self.at), "letters, digits and `_` only")
                 .help(format!("if this is meant as a name, write `r#{text}`"));
             self.report_and_go_on(diagnostic)?;
         }
@@ -315,10 +283,9 @@ impl<'a> Reader<'a> {
 /// `x` of `Some(x)`, and any other value as it is.
 fn without_some(mut value: Value) -> Value {
     match &mut value.kind {
-        ValueKind::Tuple {
-            name: Some(name),
-            items,
-        } if name.text == "Some" && items.len() == 1 => items.pop().unwrap_or(value),
+        ValueKind::Tuple { name: Some(name), items } if name.text == "Some" && items.len() == 1 => {
+            items.pop().unwrap_or(value)
+        }
         ValueKind::Struct { name, .. } if name.as_ref().is_some_and(|name| name.text == "Some") => {
             *name = None;
             value

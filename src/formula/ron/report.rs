@@ -39,9 +39,7 @@ pub(super) fn expected(reader: &Reader<'_>, expected: &str) -> Diagnostic {
             diagnostic.help("fields stand in round brackets: `Name( ... )`")
         }
         Some('=') => diagnostic.help("write `name: value`, with a colon"),
-        Some(':') => {
-            diagnostic.help("write `name: value` for all items of the brackets or for none")
-        }
+        Some(':') => diagnostic.help("write `name: value` for all items of the brackets or for none"),
         Some(';') => diagnostic.help("items stand apart by `,`"),
         Some('/') => diagnostic.help("comments are `// ...` and `/* ... */`"),
         Some('#') => diagnostic.help("comments start with `//`"),
@@ -61,11 +59,7 @@ pub(super) fn unclosed_before_field(reader: &Reader<'_>) -> Diagnostic {
 /// Bytes of the next token, as far as a message marks it.
 fn token_len(rest: &str) -> usize {
     let word = scan::name_len(rest).max(scan::number_len(rest));
-    if word > 0 {
-        word
-    } else {
-        rest.chars().next().map_or(0, char::len_utf8)
-    }
+    if word > 0 { word } else { rest.chars().next().map_or(0, char::len_utf8) }
 }
 
 /// A word of the text in quotes, cut if long.
@@ -79,15 +73,10 @@ fn quoted(word: &str) -> String {
 /// Text after the one value of a file.
 pub(super) fn after_end(reader: &Reader<'_>, value: &Value) -> Diagnostic {
     let diagnostic = expected(reader, "end of file").label(value.span, "the file's value");
-    let mut diagnostic = Diagnostic {
-        help: Vec::new(),
-        ..diagnostic
-    };
+    let mut diagnostic = Diagnostic { help: Vec::new(), ..diagnostic };
     let is_name = matches!(value.kind, ValueKind::Variant(_));
     diagnostic = match reader.rest().chars().next() {
-        Some(':') if is_name => {
-            diagnostic.help("put the fields into brackets: `( name: value, ... )`")
-        }
+        Some(':') if is_name => diagnostic.help("put the fields into brackets: `( name: value, ... )`"),
         Some('{') if is_name => diagnostic.help("fields stand in round brackets: `Name( ... )`"),
         _ => diagnostic.help("a file holds one value"),
     };
@@ -99,14 +88,8 @@ pub(super) fn bad_number(text: &str, error: &NumberError, span: Span) -> Diagnos
     let word = quoted(text);
     let (message, label) = match error {
         NumberError::Malformed => (format!("{word} is not a number"), "not spelled like one"),
-        NumberError::TooLarge => (
-            format!("the number {word} is too large"),
-            "cannot be stored",
-        ),
-        NumberError::NotFinite => (
-            format!("numbers must be finite, but this is {word}"),
-            "not finite",
-        ),
+        NumberError::TooLarge => (format!("the number {word} is too large"), "cannot be stored"),
+        NumberError::NotFinite => (format!("numbers must be finite, but this is {word}"), "not finite"),
     };
     Diagnostic::error(message).label(span, label)
 }
@@ -130,28 +113,14 @@ pub(super) fn key_text(key: &Value) -> String {
         ValueKind::Str(text) => format!("{text:?}"),
         ValueKind::List(items) => format!("[{}]", list(items)),
         ValueKind::Tuple { name, items } => {
-            format!(
-                "{}({})",
-                name.as_ref().map_or("", |name| &name.text),
-                list(items)
-            )
+            format!("{}({})", name.as_ref().map_or("", |name| &name.text), list(items))
         }
         ValueKind::Struct { name, fields } => {
-            let fields: Vec<_> = fields
-                .iter()
-                .map(|(name, value)| pair(name.text.clone(), value))
-                .collect();
-            format!(
-                "{}({})",
-                name.as_ref().map_or("", |name| &name.text),
-                fields.join(", ")
-            )
+            let fields: Vec<_> = fields.iter().map(|(name, value)| pair(name.text.clone(), value)).collect();
+            format!("{}({})", name.as_ref().map_or("", |name| &name.text), fields.join(", "))
         }
         ValueKind::Map(entries) => {
-            let entries: Vec<_> = entries
-                .iter()
-                .map(|(key, value)| pair(key_text(key), value))
-                .collect();
+            let entries: Vec<_> = entries.iter().map(|(key, value)| pair(key_text(key), value)).collect();
             format!("{{{}}}", entries.join(", "))
         }
         ValueKind::Variant(name) => name.text.clone(),

@@ -2,11 +2,7 @@
 
 /// Whether RON skips this character between tokens.
 pub(super) fn is_space(c: char) -> bool {
-    matches!(
-        c,
-        ' ' | '\t'
-            ..='\r' | '\u{85}' | '\u{200e}' | '\u{200f}' | '\u{2028}' | '\u{2029}' | '\u{feff}'
-    )
+    matches!(c, ' ' | '\t'..='\r' | '\u{85}' | '\u{200e}' | '\u{200f}' | '\u{2028}' | '\u{2029}' | '\u{feff}')
 }
 
 /// Whether an identifier may start with this character.
@@ -86,11 +82,7 @@ pub(super) fn name_len(text: &str) -> usize {
         let len = run(raw, is_raw_name_char);
         return if len > 0 { len + 2 } else { 0 };
     }
-    if text.starts_with(is_name_start) {
-        run(text, is_name_char)
-    } else {
-        0
-    }
+    if text.starts_with(is_name_start) { run(text, is_name_char) } else { 0 }
 }
 
 /// The same with the `.`, `+` and `-` after it that people may take for part of it.
@@ -117,18 +109,13 @@ pub(super) fn raw_string_hashes(text: &str) -> Option<usize> {
 
 /// Whether a byte string or byte literal starts here.
 pub(super) fn is_byte_start(text: &str) -> bool {
-    text.strip_prefix('b')
-        .is_some_and(|rest| rest.starts_with(['"', '\'']) || raw_string_hashes(rest).is_some())
+    text.strip_prefix('b').is_some_and(|rest| rest.starts_with(['"', '\'']) || raw_string_hashes(rest).is_some())
 }
 
 /// Whether a value could start here.
 pub(super) fn is_value_start(text: &str) -> bool {
     let is_bracket_or_quote = text.starts_with(['(', '[', '{', '\'', '"']);
-    is_bracket_or_quote
-        || is_string_start(text)
-        || is_byte_start(text)
-        || number_len(text) > 0
-        || name_len(text) > 0
+    is_bracket_or_quote || is_string_start(text) || is_byte_start(text) || number_len(text) > 0 || name_len(text) > 0
 }
 
 /// Bytes of the number, well-formed or not, that `text` starts with: a sign and everything that could
@@ -139,9 +126,7 @@ pub(super) fn number_len(text: &str) -> usize {
     if sign == 0 && !digits.starts_with(|c: char| c.is_ascii_digit() || c == '.') {
         return 0;
     }
-    let has_prefix = ["0x", "0o", "0b"]
-        .iter()
-        .any(|prefix| digits.starts_with(prefix));
+    let has_prefix = ["0x", "0o", "0b"].iter().any(|prefix| digits.starts_with(prefix));
     let mut before = ' ';
     let len = digits.find(|c| {
         let is_exponent_sign = matches!(c, '+' | '-') && matches!(before, 'e' | 'E') && !has_prefix;
@@ -203,10 +188,7 @@ pub(super) fn char_len(text: &str) -> Option<usize> {
     if first == '\\' {
         chars.next()?;
     }
-    chars
-        .take_while(|(_, c)| *c != '\n')
-        .find(|(_, c)| *c == '\'')
-        .map(|(at, _)| at + 1)
+    chars.take_while(|(_, c)| *c != '\n').find(|(_, c)| *c == '\'').map(|(at, _)| at + 1)
 }
 
 #[cfg(test)]
@@ -231,15 +213,9 @@ mod tests {
 
     #[test]
     fn numbers_end_where_they_should() {
-        for (text, len) in [
-            ("-1.5e-3f32,", 10),
-            ("0xe+1", 3),
-            (".5]", 2),
-            ("1_000 ", 5),
-            ("x", 0),
-            ("-", 1),
-            ("1-2", 1),
-        ] {
+        for (text, len) in
+            [("-1.5e-3f32,", 10), ("0xe+1", 3), (".5]", 2), ("1_000 ", 5), ("x", 0), ("-", 1), ("1-2", 1)]
+        {
             assert_eq!(number_len(text), len, "{text}");
         }
     }

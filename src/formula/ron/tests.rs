@@ -20,9 +20,7 @@ fn read(text: &str) -> (Option<Value>, String) {
 /// Titles of a text's messages.
 fn titles(text: &str) -> Vec<String> {
     let (_, messages) = read(text);
-    let titles = messages
-        .lines()
-        .filter_map(|line| line.strip_prefix("error: "));
+    let titles = messages.lines().filter_map(|line| line.strip_prefix("error: "));
     titles.map(str::to_owned).collect()
 }
 
@@ -34,13 +32,7 @@ fn spell(value: &Value) -> String {
 /// A value of the `ron` crate in the same spelling; it knows no names and no difference of struct, map,
 /// tuple and list.
 fn spell_theirs(value: &::ron::Value) -> String {
-    let list = |items: &[::ron::Value]| {
-        items
-            .iter()
-            .map(spell_theirs)
-            .collect::<Vec<_>>()
-            .join(", ")
-    };
+    let list = |items: &[::ron::Value]| items.iter().map(spell_theirs).collect::<Vec<_>>().join(", ");
     match value {
         ::ron::Value::Unit => "()".into(),
         ::ron::Value::Bool(bool) => bool.to_string(),
@@ -51,9 +43,7 @@ fn spell_theirs(value: &::ron::Value) -> String {
         ::ron::Value::Option(Some(value)) => spell_theirs(value),
         ::ron::Value::Seq(items) => format!("[{}]", list(items)),
         ::ron::Value::Map(map) => {
-            let pairs = map
-                .iter()
-                .map(|(k, v)| format!("{}: {}", spell_theirs(k), spell_theirs(v)));
+            let pairs = map.iter().map(|(k, v)| format!("{}: {}", spell_theirs(k), spell_theirs(v)));
             format!("{{{}}}", pairs.collect::<Vec<_>>().join(", "))
         }
         ::ron::Value::Bytes(_) => "bytes".into(),
@@ -68,17 +58,9 @@ fn flat(mut value: Value) -> Value {
             ValueKind::List(items.into_iter().map(flat).collect())
         }
         ValueKind::Struct { fields, .. } => ValueKind::Map(
-            fields
-                .into_iter()
-                .map(|(n, v)| (Value::new(span, ValueKind::Str(n.text)), flat(v)))
-                .collect(),
+            fields.into_iter().map(|(n, v)| (Value::new(span, ValueKind::Str(n.text)), flat(v))).collect(),
         ),
-        ValueKind::Map(entries) => ValueKind::Map(
-            entries
-                .into_iter()
-                .map(|(k, v)| (flat(k), flat(v)))
-                .collect(),
-        ),
+        ValueKind::Map(entries) => ValueKind::Map(entries.into_iter().map(|(k, v)| (flat(k), flat(v))).collect()),
         other => other,
     };
     value
@@ -189,10 +171,7 @@ fn refuses_what_the_ron_crate_refuses() {
         "12abc",
     ];
     for text in texts {
-        assert!(
-            ::ron::from_str::<::ron::Value>(text).is_err(),
-            "the ron crate takes {text}"
-        );
+        assert!(::ron::from_str::<::ron::Value>(text).is_err(), "the ron crate takes {text}");
         assert!(!read(text).1.is_empty(), "{text}");
     }
 }
@@ -211,10 +190,7 @@ fn the_sample_reads_with_names_and_places() {
     let ValueKind::Struct { fields, .. } = &value.kind else {
         panic!("not a struct");
     };
-    assert_eq!(
-        (text(fields[2].0.span), text(fields[2].1.span)),
-        ("scale", "-1.5e0")
-    );
+    assert_eq!((text(fields[2].0.span), text(fields[2].1.span)), ("scale", "-1.5e0"));
     assert_eq!(text(fields[1].1.span), "r#\"a \"quoted\" b\"#");
     let ValueKind::List(steps) = &fields[7].1.kind else {
         panic!("not a list");
@@ -325,53 +301,24 @@ fn every_message_of_the_reader() {
         "[Fold{a: 1}, 2 3]",
         "{(1]: 2}",
     ];
-    let all: String = texts
-        .iter()
-        .map(|text| format!("---- {text}\n{}\n", read(text).1))
-        .collect();
+    let all: String = texts.iter().map(|text| format!("---- {text}\n{}\n", read(text).1)).collect();
     assert_eq!(all, include_str!("messages.txt"), "{all}");
 }
 
 #[test]
 fn limits_are_errors() {
-    let limits = Limits {
-        bytes: 100,
-        depth: 3,
-        values: 5,
-    };
+    let limits = Limits { bytes: 100, depth: 3, values: 5 };
     let title = |text: &str| {
         let (value, messages) = read_within(text, &limits);
-        (
-            value.is_some(),
-            messages.lines().next().unwrap_or_default().to_owned(),
-        )
+        (value.is_some(), messages.lines().next().unwrap_or_default().to_owned())
     };
     assert_eq!(title("[1, 2, 3, 4]"), (true, String::new()));
-    assert_eq!(
-        title("[1, 2, 3, 4, 5]"),
-        (false, "error: the file has more than 5 values".into())
-    );
+    assert_eq!(title("[1, 2, 3, 4, 5]"), (false, "error: the file has more than 5 values".into()));
     assert_eq!(title("[[[]]]"), (true, String::new()));
-    assert_eq!(
-        title("[[[[]]]]"),
-        (false, "error: brackets are nested more than 3 deep".into())
-    );
-    assert_eq!(
-        title(&" ".repeat(101)),
-        (
-            false,
-            "error: the file has 101 bytes, but at most 100 are allowed".into()
-        )
-    );
-    let deep = Limits {
-        depth: usize::MAX,
-        ..Limits::default()
-    };
-    assert!(
-        read_within(&"[".repeat(100_000), &deep)
-            .1
-            .starts_with("error: brackets are nested more than 256 deep")
-    );
+    assert_eq!(title("[[[[]]]]"), (false, "error: brackets are nested more than 3 deep".into()));
+    assert_eq!(title(&" ".repeat(101)), (false, "error: the file has 101 bytes, but at most 100 are allowed".into()));
+    let deep = Limits { depth: usize::MAX, ..Limits::default() };
+    assert!(read_within(&"[".repeat(100_000), &deep).1.starts_with("error: brackets are nested more than 256 deep"));
 }
 
 #[test]
@@ -379,9 +326,9 @@ fn hostile_texts_end_soon() {
     let million = 1 << 18;
     let fill = |piece: &str| piece.repeat(million / piece.len());
     let pieces = [
-        "(", "[", "{", ")", "]", ",", ":", "\"", "'", "/*", "//", "//\n", "r#", "#", "a", "a:",
-        "a(", "-", "1", "1,", "@", "@,", "\\", "é", "\u{0}", "\n", " ", "r#\"", "b\"", "\"\\q",
-        "/", "[]", "()", "{}", "\"\",", "1:1,", "a:1,", "'\\",
+        "(", "[", "{", ")", "]", ",", ":", "\"", "'", "/*", "//", "//\n", "r#", "#", "a", "a:", "a(", "-", "1", "1,",
+        "@", "@,", "\\", "é", "\u{0}", "\n", " ", "r#\"", "b\"", "\"\\q", "/", "[]", "()", "{}", "\"\",", "1:1,",
+        "a:1,", "'\\",
     ];
     for piece in pieces {
         for start in ["", "[", "(", "(a: ", "{", "[\"", "{1: ["] {
@@ -401,9 +348,7 @@ fn hostile_texts_end_soon() {
 fn no_mutation_of_the_sample_panics() {
     let mut state = 7_u64;
     let mut random = move |below: usize| {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as usize % below
     };
     for round in 0..10_000 {

@@ -26,11 +26,7 @@ pub(super) fn read_string(text: &str) -> Option<Literal> {
     let start = hashes + 2;
     let end = format!("\"{}", "#".repeat(hashes));
     let len = text[start..].find(&end)?;
-    Some(Literal {
-        len: start + len + end.len(),
-        value: text[start..start + len].to_owned(),
-        faults: Vec::new(),
-    })
+    Some(Literal { len: start + len + end.len(), value: text[start..start + len].to_owned(), faults: Vec::new() })
 }
 
 /// Reads a string in plain quotes.
@@ -45,8 +41,7 @@ fn read_quoted(text: &str) -> Option<Literal> {
             literal.len = at + 1;
             return Some(literal);
         }
-        at += read_continuation(&text[at..])
-            .unwrap_or_else(|| push_escape(&mut literal, text, at, false));
+        at += read_continuation(&text[at..]).unwrap_or_else(|| push_escape(&mut literal, text, at, false));
     }
 }
 
@@ -118,16 +113,12 @@ fn read_byte_escape(text: &str, is_char: bool) -> Result<(char, usize), (usize, 
     let mut bytes = Vec::new();
     while bytes.len() < 4 {
         let at = bytes.len() * 4;
-        let digits = text[at..]
-            .strip_prefix("\\x")
-            .and_then(|rest| rest.get(..2));
+        let digits = text[at..].strip_prefix("\\x").and_then(|rest| rest.get(..2));
         let Some(byte) = digits.and_then(parse_hex) else {
             break;
         };
         bytes.push(byte as u8);
-        let decoded = std::str::from_utf8(&bytes)
-            .ok()
-            .and_then(|s| s.chars().next());
+        let decoded = std::str::from_utf8(&bytes).ok().and_then(|s| s.chars().next());
         if let Some(c) = decoded {
             return Ok((c, at + 4));
         }
@@ -146,30 +137,18 @@ fn read_unicode_escape(text: &str) -> Result<(char, usize), (usize, &'static str
     let Some(rest) = text[2..].strip_prefix('{') else {
         return Err((2, "`\\u` needs one to six hexadecimal digits in braces"));
     };
-    let len = rest
-        .bytes()
-        .take(7)
-        .take_while(u8::is_ascii_hexdigit)
-        .count();
+    let len = rest.bytes().take(7).take_while(u8::is_ascii_hexdigit).count();
     if len == 0 || len > 6 || !rest[len..].starts_with('}') {
-        return Err((
-            3 + len,
-            "`\\u` needs one to six hexadecimal digits in braces",
-        ));
+        return Err((3 + len, "`\\u` needs one to six hexadecimal digits in braces"));
     }
     let c = parse_hex(&rest[..len]).and_then(char::from_u32);
-    c.map(|c| (c, len + 4))
-        .ok_or((len + 4, "there is no character of this number"))
+    c.map(|c| (c, len + 4)).ok_or((len + 4, "there is no character of this number"))
 }
 
 /// Reads hexadecimal digits and nothing else.
 fn parse_hex(digits: &str) -> Option<u32> {
     let is_hex = digits.bytes().all(|b| b.is_ascii_hexdigit());
-    if is_hex {
-        u32::from_str_radix(digits, 16).ok()
-    } else {
-        None
-    }
+    if is_hex { u32::from_str_radix(digits, 16).ok() } else { None }
 }
 
 #[cfg(test)]
@@ -178,14 +157,8 @@ mod tests {
 
     /// The text of a literal that ends with the source and has no faults.
     fn read(source: &str) -> Option<String> {
-        let reader = if source.starts_with('\'') {
-            read_char
-        } else {
-            read_string
-        };
-        reader(source)
-            .filter(|l| l.len == source.len() && l.faults.is_empty())
-            .map(|l| l.value)
+        let reader = if source.starts_with('\'') { read_char } else { read_string };
+        reader(source).filter(|l| l.len == source.len() && l.faults.is_empty()).map(|l| l.value)
     }
 
     #[test]
@@ -225,29 +198,12 @@ mod tests {
             ("''", 0..0),
             (r"'\xc3'", 1..5),
         ] {
-            let reader = if source.starts_with('\'') {
-                read_char
-            } else {
-                read_string
-            };
+            let reader = if source.starts_with('\'') { read_char } else { read_string };
             let found = reader(source).map(|l| l.faults[0].0.clone());
             assert_eq!(found.unwrap_or(0..0), range, "{source}");
         }
-        for source in [
-            "\"abc",
-            "\"abc\\\"",
-            "r#\"abc\"",
-            "'",
-            "'a",
-            "'\\",
-            "'\n'",
-            "\"\\",
-        ] {
-            let reader = if source.starts_with('\'') {
-                read_char
-            } else {
-                read_string
-            };
+        for source in ["\"abc", "\"abc\\\"", "r#\"abc\"", "'", "'a", "'\\", "'\n'", "\"\\"] {
+            let reader = if source.starts_with('\'') { read_char } else { read_string };
             assert_eq!(reader(source), None, "{source}");
         }
     }
