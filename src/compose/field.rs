@@ -30,7 +30,8 @@ pub fn field_orbits(composer: &Composer) -> Vec<FieldOrbit> {
 fn collect(composer: &Composer, node: NodeRef, frame: &Frame, orbits: &mut Vec<FieldOrbit>) {
     match &composer.graph.node(node).kind {
         NodeKind::Orbit { of, settings } => {
-            if !orbits.iter().any(|o| o.node == node && o.frame == *frame) {
+            let known = orbits.iter().any(|o| o.node == node && o.frame == *frame);
+            if !known {
                 orbits.push(FieldOrbit { node, root: *of, settings: (**settings).clone(), frame: frame.clone() });
             }
         }
@@ -135,7 +136,7 @@ impl<'g> FieldBuilder<'_, 'g> {
                 let (a, b) = (self.value(*a, frame), self.value(*b, frame));
                 // How far it is to the wall of an orbit from inside it is not known: 0 makes the march walk.
                 let outside_b = FieldValue { d: -b.d, gradient: b.gradient.map(|g| -g), ..b };
-                self.farther(a, outside_b, a.inside.and(b.inside.not()))
+                self.farther(a, outside_b, a.inside.and(!b.inside))
             }
             NodeKind::SmoothUnion { of, radius } => {
                 self.fold(of, frame, |s, a, b| s.smooth(a, b, s.composer.arena.f(*radius)))

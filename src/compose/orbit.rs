@@ -150,7 +150,7 @@ impl<'a> OrbitBuilder<'a> {
             let r_sq = next.z.dot(next.z);
             let limit = self.settings.escape_radius * self.settings.escape_radius;
             // NaN compares false, so it counts as escaped.
-            function.output("escaped", r_sq.le(self.composer.arena.f(limit)).not());
+            function.output("escaped", !r_sq.le(self.composer.arena.f(limit)));
             items.push(function);
         }
         let mut finish = Function::new(format!("{name}_finish"), ports);

@@ -370,7 +370,6 @@ methods! {
     equals(b) Eq "True where both are equal.";
     and(b) And "True where both are.";
     or(b) Or "True where either is.";
-    not() Not "True where `self` is false.";
     clamp(lo, hi) Clamp "Moved into the range.";
 }
 
@@ -402,6 +401,13 @@ overload! {
     Sub sub Sub;
     Mul mul Mul;
     Div div Div;
+}
+
+impl<'g> std::ops::Not for Expr<'g> {
+    type Output = Expr<'g>;
+    fn not(self) -> Expr<'g> {
+        Expr::apply(Operator::Not, &[self])
+    }
 }
 
 impl<'g> Neg for Expr<'g> {

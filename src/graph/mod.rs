@@ -98,23 +98,66 @@ pub enum ParamInput {
 #[derive(Clone)]
 pub enum NodeKind {
     /// One step with its parameters, in the step's order.
-    Step { step: Rc<Step>, params: Vec<ParamInput> },
+    Step {
+        /// The step.
+        step: Rc<Step>,
+        /// Its parameters, in the order of the step.
+        params: Vec<ParamInput>,
+    },
     /// Maps one after the other, within one iteration.
     Sequence(Vec<NodeRef>),
     /// A map several times, within one iteration.
-    Repeat { of: NodeRef, times: u32 },
+    Repeat {
+        /// What it is made of.
+        of: NodeRef,
+        /// How often.
+        times: u32,
+    },
     /// `(1 - weight) a + weight b`; `a` is the identity where absent.
-    Blend { a: Option<NodeRef>, b: NodeRef, weight: f64 },
+    Blend {
+        /// First part.
+        a: Option<NodeRef>,
+        /// Second part.
+        b: NodeRef,
+        /// Share of the second part.
+        weight: f64,
+    },
     /// One of two maps by a condition; `otherwise` is the identity where absent.
-    Choose { when: Condition, then: NodeRef, otherwise: Option<NodeRef> },
+    Choose {
+        /// Condition for the first map.
+        when: Condition,
+        /// First map.
+        then: NodeRef,
+        /// Other map.
+        otherwise: Option<NodeRef>,
+    },
     /// A map in iterations `from <= n < to`, another in the others.
-    Between { of: NodeRef, from: u32, to: u32, otherwise: Option<NodeRef> },
+    Between {
+        /// What it is made of.
+        of: NodeRef,
+        /// First iteration.
+        from: u32,
+        /// First iteration after it.
+        to: u32,
+        /// Other map.
+        otherwise: Option<NodeRef>,
+    },
     /// Maps by turns, each for some iterations.
     Alternate(Vec<(NodeRef, u32)>),
     /// A map whose iterations add another constant than the orbit's.
-    Item { of: NodeRef, constant: Constant },
+    Item {
+        /// What it is made of.
+        of: NodeRef,
+        /// What its iterations add.
+        constant: Constant,
+    },
     /// The distance field of an iterated map.
-    Orbit { of: NodeRef, settings: Box<OrbitSettings> },
+    Orbit {
+        /// What it is made of.
+        of: NodeRef,
+        /// How it is iterated.
+        settings: Box<OrbitSettings>,
+    },
     /// A shape with a known distance.
     Primitive(Primitive),
     /// The nearest of several fields.
@@ -122,11 +165,26 @@ pub enum NodeKind {
     /// What all fields share.
     Intersection(Vec<NodeRef>),
     /// The first field without the second.
-    Difference { a: NodeRef, b: NodeRef },
+    Difference {
+        /// First part.
+        a: NodeRef,
+        /// Second part.
+        b: NodeRef,
+    },
     /// A union whose seams are rounded with this radius.
-    SmoothUnion { of: Vec<NodeRef>, radius: f64 },
+    SmoothUnion {
+        /// What it is made of.
+        of: Vec<NodeRef>,
+        /// Radius.
+        radius: f64,
+    },
     /// A field scaled, then rotated, then moved.
-    Transform { of: NodeRef, placement: Placement },
+    Transform {
+        /// What it is made of.
+        of: NodeRef,
+        /// Where it stands.
+        placement: Placement,
+    },
 }
 
 /// When a [`NodeKind::Choose`] takes its first map.
@@ -150,15 +208,46 @@ pub enum Condition {
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Primitive {
     /// Ball or sphere.
-    Sphere { centre: [f64; 3], radius: f64, form: SphereForm },
+    Sphere {
+        /// Centre.
+        centre: [f64; 3],
+        /// Radius.
+        radius: f64,
+        /// What it is inside.
+        form: SphereForm,
+    },
     /// Box with half its edge lengths.
-    Box { centre: [f64; 3], half_size: [f64; 3] },
+    Box {
+        /// Centre.
+        centre: [f64; 3],
+        /// Half the edge lengths.
+        half_size: [f64; 3],
+    },
     /// Torus around the z axis.
-    Torus { centre: [f64; 3], major: f64, minor: f64 },
+    Torus {
+        /// Centre.
+        centre: [f64; 3],
+        /// Radius of the ring.
+        major: f64,
+        /// Radius of the tube.
+        minor: f64,
+    },
     /// The half space below `offset` along `normal`.
-    Plane { normal: [f64; 3], offset: f64 },
+    Plane {
+        /// Unit normal.
+        normal: [f64; 3],
+        /// Distance of the plane from the origin along the normal.
+        offset: f64,
+    },
     /// Cylinder along the z axis.
-    Cylinder { centre: [f64; 3], radius: f64, half_height: f64 },
+    Cylinder {
+        /// Centre.
+        centre: [f64; 3],
+        /// Radius.
+        radius: f64,
+        /// Half its height.
+        half_height: f64,
+    },
 }
 
 /// What the distance of a sphere is inside it.

@@ -319,7 +319,7 @@ impl Reader<'_> {
     }
 
     fn primitive(&mut self, name: &str, fields: &mut Fields) -> Option<Primitive> {
-        let mut length = |reader: &mut Self, fields: &mut Fields, field: &'static str, default: f64| {
+        let length = |reader: &mut Self, fields: &mut Fields, field: &'static str, default: f64| {
             fields.optional_value(field).map_or(Some(default), |v| reader.number(v, 1e-9, 1e6))
         };
         if name == "Plane" {

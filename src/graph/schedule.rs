@@ -31,7 +31,7 @@ impl Schedule {
     pub fn normalized(mut self) -> Schedule {
         let cycle = &self.cycle;
         let period = (1..=cycle.len())
-            .find(|&k| cycle.len() % k == 0 && (0..cycle.len()).all(|i| cycle[i] == cycle[i % k]))
+            .find(|&k| cycle.len().is_multiple_of(k) && (0..cycle.len()).all(|i| cycle[i] == cycle[i % k]))
             .unwrap_or(cycle.len());
         self.cycle.truncate(period);
         while self.prefix.last().is_some_and(|last| Some(last) == self.cycle.last()) {

@@ -23,17 +23,47 @@ pub enum TestKind {
     /// The orbit of the point escapes.
     Outside([f64; 3]),
     /// The state after this many iterations (of an orbit that is not stopped by escaping).
-    Orbit { point: [f64; 3], iterations: u32, expect: Vec<f64>, tolerance: f64 },
+    Orbit {
+        /// Start point.
+        point: [f64; 3],
+        /// Iterations done.
+        iterations: u32,
+        /// Right answer.
+        expect: Vec<f64>,
+        /// Greatest difference: absolute below 1, relative above.
+        tolerance: f64,
+    },
     /// The distance estimate at a point.
-    Estimate { point: [f64; 3], method: Option<Method>, expect: f64, tolerance: f64 },
+    Estimate {
+        /// Start point.
+        point: [f64; 3],
+        /// Method; the chosen one where absent.
+        method: Option<Method>,
+        /// Right answer.
+        expect: f64,
+        /// Greatest difference: absolute below 1, relative above.
+        tolerance: f64,
+    },
     /// The depth at which a ray hits; `None` for a miss.
-    Ray { origin: [f64; 3], direction: [f64; 3], expect: Option<f64>, tolerance: f64 },
+    Ray {
+        /// Start of the ray.
+        origin: [f64; 3],
+        /// Unit direction of the ray.
+        direction: [f64; 3],
+        /// Right answer.
+        expect: Option<f64>,
+        /// Greatest difference: absolute below 1, relative above.
+        tolerance: f64,
+    },
     /// The set is the same after this change of a point, tested at random points.
     Symmetric(Symmetry),
     /// Estimates, membership and depths agree on every back end.
     AgreesOnBackends,
     /// No estimate is above `1 + factor` times the distance that brute force finds.
-    NeverAbove { factor: f64 },
+    NeverAbove {
+        /// Greatest excess over the true distance, as a share of it.
+        factor: f64,
+    },
 }
 
 /// A change of a point that leaves the set as it is.
@@ -81,7 +111,7 @@ pub(super) fn read_test(reader: &mut Reader, value: &Value) -> Option<FormulaTes
 fn read_fields(reader: &mut Reader, name: &str, value: &Value) -> Option<TestKind> {
     let mut fields = Fields::new(value, "a test", reader.d)?;
     let tolerance = fields.optional_value("tolerance").map_or(Some(1e-6), |v| reader.number(v, 0.0, 1e6))?;
-    let mut point = |reader: &mut Reader, fields: &mut Fields, field: &'static str| match fields.optional_value(field) {
+    let point = |reader: &mut Reader, fields: &mut Fields, field: &'static str| match fields.optional_value(field) {
         Some(v) => reader.vector(v, -1e9, 1e9),
         None => {
             reader.d.push(Diagnostic::error(format!("the test needs `{field}: (x, y, z)`")).label(fields.span(), ""));

@@ -127,7 +127,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let middle = (t_inside + t_outside) * 0.5;
     let narrow = (t_inside - t_outside).le(hit_eps * BISECTION);
     let hit = crossed.and(narrow.or(started_inside));
-    let miss = crossed.not().and(ray.t_far.le(forward));
+    let miss = (!crossed).and(ray.t_far.le(forward));
     let code = |status: Status| arena.f(status.code());
     let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
     let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, forward.min(ray.t_far)));

@@ -332,7 +332,7 @@ fn hostile_texts_end_soon() {
     ];
     for piece in pieces {
         for start in ["", "[", "(", "(a: ", "{", "[\"", "{1: ["] {
-            let mut text = start.to_owned() + &fill(piece);
+            let mut text = format!("{start}{}", fill(piece));
             while text.len() >= million {
                 text.pop();
             }

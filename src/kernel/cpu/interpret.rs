@@ -1,0 +1,112 @@
+//! The interpreter: a tape on a register file, and columns in and out of registers.
+
+use fearless_simd::Simd;
+
+use crate::expr::ops::{Register, execute};
+use crate::kernel::tape::{Code, Instruction, Tape};
+use crate::math::{Lanes, Real};
+
+/// A number type that tapes can be interpreted over: knows how to enable its instruction set for a call.
+pub trait Machine: Real {
+    /// Calls `f` in a function compiled for the token's instruction set.
+    fn enter<T>(token: Self::Token, f: impl FnOnce() -> T) -> T;
+}
+
+impl Machine for f64 {
+    #[inline(always)]
+    fn enter<T>((): (), f: impl FnOnce() -> T) -> T {
+        f()
+    }
+}
+
+impl<S: Simd> Machine for Lanes<S> {
+    #[inline(always)]
+    fn enter<T>(token: S, f: impl FnOnce() -> T) -> T {
+        token.vectorize(f)
+    }
+}
+
+/// Runs a tape on a register file. One instance a number type, entered by a plain call.
+#[inline(never)]
+pub(super) fn interpret<R: Machine, const K: usize>(token: R::Token, tape: &Tape, registers: &mut [Register<R, K>]) {
+    R::enter(
+        token,
+        #[inline(always)]
+        || {
+            for instruction in &tape.instructions {
+                run_instruction::<R, K>(token, instruction, registers);
+            }
+        },
+    );
+}
+
+#[inline(always)]
+pub(super) fn run_instruction<R: Machine, const K: usize>(
+    token: R::Token,
+    instruction: &Instruction,
+    registers: &mut [Register<R, K>],
+) {
+    let o = &instruction.operands;
+    match instruction.code {
+        Code::Apply(operator) => execute::<R, K>(operator, token, registers, o),
+        Code::Dot => {
+            let (a, b) = (registers[o.args[0][0] as usize], registers[o.args[1][0] as usize]);
+            let mut sum = a;
+            for k in 0..K {
+                sum[k] = a[k] * b[k];
+            }
+            for i in 1..o.width as usize {
+                let (a, b) = (registers[o.args[0][i] as usize], registers[o.args[1][i] as usize]);
+                for k in 0..K {
+                    sum[k] = a[k].mul_add(b[k], sum[k]);
+                }
+            }
+            registers[o.dst[0] as usize] = sum;
+        }
+        Code::SinCos => {
+            let angle = registers[o.args[0][0] as usize];
+            let (mut sin, mut cos) = (angle, angle);
+            for k in 0..K {
+                (sin[k], cos[k]) = angle[k].sin_cos();
+            }
+            registers[o.dst[0] as usize] = sin;
+            registers[o.dst[1] as usize] = cos;
+        }
+        Code::Copy => registers[o.dst[0] as usize] = registers[o.args[0][0] as usize],
+    }
+}
+
+/// Reads a pack of a column, repeating the last element beyond its end.
+#[inline(always)]
+pub(super) fn load_pack<R: Real, const K: usize>(token: R::Token, column: &[R::Scalar], at: usize) -> Register<R, K> {
+    let mut register = [R::splat(token, 0.0); K];
+    for (k, value) in register.iter_mut().enumerate() {
+        let from = at + k * R::LANES;
+        if from + R::LANES <= column.len() {
+            *value = R::load(token, &column[from..]);
+        } else {
+            let mut lanes = [column[column.len() - 1]; 64];
+            if from < column.len() {
+                lanes[..column.len() - from].copy_from_slice(&column[from..]);
+            }
+            *value = R::load(token, &lanes);
+        }
+    }
+    register
+}
+
+/// Writes a pack into a column, leaving out what lies beyond its end.
+#[inline(always)]
+pub(super) fn store_pack<R: Real, const K: usize>(register: &Register<R, K>, column: &mut [R::Scalar], at: usize) {
+    for (k, value) in register.iter().enumerate() {
+        let from = at + k * R::LANES;
+        if from + R::LANES <= column.len() {
+            value.store(&mut column[from..]);
+        } else if from < column.len() {
+            let mut lanes = [column[0]; 64];
+            value.store(&mut lanes);
+            let count = column.len() - from;
+            column[from..].copy_from_slice(&lanes[..count]);
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Marches: packs of rays, one estimate at a time. The twin of `shaders/march.wgsl`.
+
+use super::estimate::{Files, estimate};
+use super::interpret::{Machine, interpret, load_pack, store_pack};
+use super::tapes::MarchTapes;
+use crate::expr::Port;
+use crate::expr::ops::Register;
+use crate::kernel::{Status, march_output_ports, ray_ports};
+
+/// Rays being marched: their columns, compacted as rays finish.
+pub(super) struct Rays<T> {
+    columns: Vec<Vec<T>>,
+    ids: Vec<u32>,
+}
+
+/// Columns of [`Rays`]: ray, state, then counters.
+const RAY: usize = 8;
+const STATE: usize = 6;
+const STATUS: usize = RAY + STATE - 1;
+const STEPS: usize = RAY + STATE;
+const COLUMNS: usize = STEPS + 3;
+
+#[inline(always)]
+pub(super) fn run_march<R: Machine, const K: usize>(
+    token: R::Token,
+    tapes: &MarchTapes,
+    inputs: &[&[R::Scalar]],
+    outputs: &mut [Vec<R::Scalar>],
+) where
+    R::Scalar: Default,
+{
+    debug_assert_eq!(RAY, Port::scalars(&ray_ports()));
+    debug_assert_eq!(COLUMNS - RAY, Port::scalars(&march_output_ports()));
+    let pack = R::LANES * K;
+    let len = inputs[0].len();
+    let mut rays = Rays::start(inputs, R::scalar(0.0), R::scalar(-1.0), R::scalar(Status::Miss.code()));
+    rays.retire(outputs, false);
+    let mut files = Files::<R, K>::new(token, &tapes.estimator);
+    let mut locate = tapes.locate.register_file::<R, K>(token);
+    let mut advance = tapes.advance.register_file::<R, K>(token);
+    for step in 0..tapes.max_march_steps {
+        let mut finished = 0;
+        for at in (0..rays.ids.len()).step_by(pack) {
+            finished += march_pack::<R, K>(token, tapes, &mut files, &mut locate, &mut advance, &mut rays, at);
+        }
+        // Moving rays together costs about as much as an estimate of those moved: wait until a quarter is done.
+        let last = step + 1 == tapes.max_march_steps;
+        if last || finished * 4 >= rays.ids.len() {
+            rays.retire(outputs, last);
+        }
+        if rays.ids.is_empty() {
+            break;
+        }
+    }
+    debug_assert!(outputs.iter().all(|c| c.len() == len));
+}
+
+/// Estimates once for a pack of rays and advances them. Returns how many of its rays are done.
+#[inline(always)]
+pub(super) fn march_pack<R: Machine, const K: usize>(
+    token: R::Token,
+    tapes: &MarchTapes,
+    files: &mut Files<R, K>,
+    locate: &mut [Register<R, K>],
+    advance: &mut [Register<R, K>],
+    rays: &mut Rays<R::Scalar>,
+    at: usize,
+) -> usize {
+    let (locate_tape, advance_tape) = (&tapes.locate.tapes[0], &tapes.advance.tapes[0]);
+    for i in 0..RAY + STATE {
+        let value = load_pack(token, &rays.columns[i], at);
+        locate[locate_tape.inputs[i] as usize] = value;
+        advance[advance_tape.inputs[i] as usize] = value;
+    }
+    interpret::<R, K>(token, locate_tape, locate);
+    let mut point = [[R::splat(token, 0.0); K]; 5];
+    for (value, &output) in point.iter_mut().zip(&locate_tape.outputs) {
+        *value = locate[output as usize];
+    }
+    let status = locate[locate_tape.inputs[STATUS] as usize];
+    let mut running = [R::splat(token, 0.0); K];
+    for k in 0..K {
+        running[k] = R::from_mask(token, status[k].eq(R::splat(token, 0.0)));
+    }
+    let iterations = estimate::<R, K>(token, &tapes.estimator, files, &point, &running);
+    let combine = &tapes.estimator.combine.tapes[0];
+    for i in 0..2 {
+        advance[advance_tape.inputs[RAY + STATE + i] as usize] = files.combine[combine.outputs[i] as usize];
+    }
+    let de = files.combine[combine.outputs[0] as usize];
+    interpret::<R, K>(token, advance_tape, advance);
+    for i in 0..STATE {
+        let mut value = load_pack::<R, K>(token, &rays.columns[RAY + i], at);
+        let new = &advance[advance_tape.outputs[i] as usize];
+        for k in 0..K {
+            value[k] = R::select(running[k].to_mask(), new[k], value[k]);
+        }
+        store_pack::<R, K>(&value, &mut rays.columns[RAY + i], at);
+    }
+    let mut counts = [running, iterations, [R::splat(token, 0.0); K]];
+    for k in 0..K {
+        counts[1][k] = iterations[k] * running[k];
+        counts[2][k] = running[k] * R::from_mask(token, R::mask_not(de[k].eq(de[k])));
+    }
+    for (i, count) in counts.iter().enumerate() {
+        let mut sum = load_pack::<R, K>(token, &rays.columns[STEPS + i], at);
+        for k in 0..K {
+            sum[k] = sum[k] + count[k];
+        }
+        store_pack::<R, K>(&sum, &mut rays.columns[STEPS + i], at);
+    }
+    let end = (at + R::LANES * K).min(rays.ids.len());
+    (at..end).filter(|&i| !rays.is_running(i)).count()
+}
+
+impl<T: Copy + Into<f64>> Rays<T> {
+    /// All rays at their near end; `unknown` marks what no estimate has said yet.
+    pub(super) fn start(inputs: &[&[T]], zero: T, unknown: T, missed: T) -> Rays<T> {
+        let len = inputs[0].len();
+        let mut columns: Vec<Vec<T>> = inputs.iter().map(|c| c.to_vec()).collect();
+        columns.push(inputs[6].to_vec()); // t starts at t_near
+        columns.push(inputs[6].to_vec()); // and so does its front
+        columns.extend([unknown, unknown, unknown, zero].map(|value| vec![value; len]));
+        columns.extend([zero; 3].map(|value| vec![value; len]));
+        // A ray whose range is empty has missed before it starts.
+        for i in 0..len {
+            let (near, far): (f64, f64) = (inputs[6][i].into(), inputs[7][i].into());
+            if near.partial_cmp(&far) != Some(std::cmp::Ordering::Less) {
+                columns[STATUS][i] = missed;
+            }
+        }
+        Rays { columns, ids: (0..len as u32).collect() }
+    }
+
+    pub(super) fn is_running(&self, i: usize) -> bool {
+        self.columns[STATUS][i].into() == 0.0
+    }
+
+    /// Writes out the rays that are done (all of them at the end) and moves the others together.
+    pub(super) fn retire(&mut self, outputs: &mut [Vec<T>], all: bool) {
+        let mut kept = 0;
+        for i in 0..self.ids.len() {
+            if all || !self.is_running(i) {
+                let id = self.ids[i] as usize;
+                for (output, column) in outputs.iter_mut().zip(&self.columns[RAY..]) {
+                    output[id] = column[i];
+                }
+                continue;
+            }
+            if kept != i {
+                for column in &mut self.columns {
+                    column[kept] = column[i];
+                }
+                self.ids[kept] = self.ids[i];
+            }
+            kept += 1;
+        }
+        self.ids.truncate(kept);
+        for column in &mut self.columns {
+            column.truncate(kept);
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! The embedded CPU back end: tapes interpreted over packs of rays, in f64 (one ray at a time, the reference) or in wide
+//! f32 (as many rays as four of the machine's vectors hold), with the work spread over threads.
+//!
+//! The loops here (iterate, march) have twins of the same names in `shaders/`; everything straight-line is a tape.
+
+mod estimate;
+mod interpret;
+mod march;
+mod tapes;
+
+use std::ops::Range;
+
+use fearless_simd::{Level, Simd, SimdBase, dispatch};
+use rayon::prelude::*;
+
+use self::estimate::{run_estimates, run_map};
+use self::interpret::Machine;
+use self::march::run_march;
+use self::tapes::Program;
+use super::{Backend, BackendError, Kernel};
+use crate::expr::{Arena, Port};
+use crate::math::Lanes;
+
+/// Vectors that one register holds.
+const WIDE: usize = 4;
+/// Elements that one task works on.
+const GROUP: usize = 1024;
+
+/// Precision of the CPU back end.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Precision {
+    /// Wide single precision.
+    F32,
+    /// Scalar double precision.
+    F64,
+}
+
+/// The CPU back end.
+#[derive(Clone, Copy, Debug)]
+pub struct Cpu {
+    precision: Precision,
+    level: Level,
+}
+
+/// A kernel as tapes.
+pub struct CpuKernel {
+    program: Program,
+    inputs: usize,
+    outputs: usize,
+}
+
+/// Columns in memory, in the precision that the back end computes in.
+#[derive(Clone, Debug)]
+pub enum CpuColumns {
+    /// Single precision.
+    F32(Vec<Vec<f32>>),
+    /// Double precision.
+    F64(Vec<Vec<f64>>),
+}
+
+impl Cpu {
+    /// A back end of this precision, at the best instruction set of the machine.
+    pub fn new(precision: Precision) -> Cpu {
+        Cpu { precision, level: Level::new() }
+    }
+
+    /// The precision.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// The instruction set in use and the number of rays that one pack holds.
+    pub fn description(&self) -> String {
+        match self.precision {
+            Precision::F64 => "cpu, f64, 1 ray at a time".into(),
+            Precision::F32 => {
+                let lanes = dispatch!(self.level, simd => pack_lanes(simd));
+                format!("cpu, f32, {lanes} rays at a time ({:?})", self.level)
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn pack_lanes<S: Simd>(_: S) -> usize {
+    S::f32s::LEN * WIDE
+}
+
+impl Backend for Cpu {
+    type Prepared = CpuKernel;
+    type Columns = CpuColumns;
+
+    fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<CpuKernel, BackendError> {
+        let program = Program::new(arena, kernel);
+        Ok(CpuKernel { program, inputs: Port::scalars(&kernel.inputs()), outputs: Port::scalars(&kernel.outputs()) })
+    }
+
+    fn upload(&self, columns: &[Vec<f64>]) -> Result<CpuColumns, BackendError> {
+        Ok(match self.precision {
+            Precision::F64 => CpuColumns::F64(columns.to_vec()),
+            Precision::F32 => CpuColumns::F32(columns.iter().map(|c| c.iter().map(|&x| x as f32).collect()).collect()),
+        })
+    }
+
+    fn download(&self, columns: &CpuColumns) -> Result<Vec<Vec<f64>>, BackendError> {
+        Ok(match columns {
+            CpuColumns::F64(columns) => columns.clone(),
+            CpuColumns::F32(columns) => columns.iter().map(|c| c.iter().map(|&x| f64::from(x)).collect()).collect(),
+        })
+    }
+
+    fn run(&self, kernel: &CpuKernel, inputs: &[&CpuColumns]) -> Result<CpuColumns, BackendError> {
+        Ok(match self.precision {
+            Precision::F64 => {
+                let columns: Vec<&[f64]> = inputs.iter().flat_map(|c| c.f64s()).collect();
+                CpuColumns::F64(run_parallel(kernel, &columns, |k, i, o| run_group::<f64, 1>((), k, i, o)))
+            }
+            Precision::F32 => {
+                let columns: Vec<&[f32]> = inputs.iter().flat_map(|c| c.f32s()).collect();
+                let level = self.level;
+                CpuColumns::F32(run_parallel(kernel, &columns, |k, i, o| {
+                    dispatch!(level, simd => run_group::<Lanes<_>, WIDE>(simd, k, i, o));
+                }))
+            }
+        })
+    }
+}
+
+impl CpuColumns {
+    fn f32s(&self) -> Vec<&[f32]> {
+        match self {
+            CpuColumns::F32(columns) => columns.iter().map(Vec::as_slice).collect(),
+            CpuColumns::F64(_) => Vec::new(),
+        }
+    }
+
+    fn f64s(&self) -> Vec<&[f64]> {
+        match self {
+            CpuColumns::F64(columns) => columns.iter().map(Vec::as_slice).collect(),
+            CpuColumns::F32(_) => Vec::new(),
+        }
+    }
+}
+
+/// Cuts the columns into groups, runs each, and puts the results together.
+fn run_parallel<T: Copy + Default + Send + Sync>(
+    kernel: &CpuKernel,
+    inputs: &[&[T]],
+    run: impl Fn(&CpuKernel, &[&[T]], &mut [Vec<T>]) + Sync,
+) -> Vec<Vec<T>> {
+    assert_eq!(inputs.len(), kernel.inputs, "columns must match the kernel's inputs");
+    let len = inputs.first().map_or(0, |c| c.len());
+    let groups: Vec<Range<usize>> = (0..len).step_by(GROUP).map(|start| start..(start + GROUP).min(len)).collect();
+    let results: Vec<Vec<Vec<T>>> = groups
+        .into_par_iter()
+        .map(|range| {
+            let slices: Vec<&[T]> = inputs.iter().map(|c| &c[range.clone()]).collect();
+            let mut outputs = vec![vec![T::default(); range.len()]; kernel.outputs];
+            run(kernel, &slices, &mut outputs);
+            outputs
+        })
+        .collect();
+    let mut columns = vec![Vec::with_capacity(len); kernel.outputs];
+    for group in results {
+        for (column, part) in columns.iter_mut().zip(group) {
+            column.extend(part);
+        }
+    }
+    columns
+}
+
+#[inline(always)]
+fn run_group<R: Machine, const K: usize>(
+    token: R::Token,
+    kernel: &CpuKernel,
+    inputs: &[&[R::Scalar]],
+    outputs: &mut [Vec<R::Scalar>],
+) where
+    R::Scalar: Default,
+{
+    match &kernel.program {
+        Program::Map(set) => run_map::<R, K>(token, set, inputs, outputs),
+        Program::Estimate(tapes) => run_estimates::<R, K>(token, tapes, inputs, outputs),
+        Program::March(tapes) => run_march::<R, K>(token, tapes, inputs, outputs),
+    }
+}
