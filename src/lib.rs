@@ -1,6 +1,32 @@
 //! Bulbfold composes hybrid 3D fractals from a graph of small formula steps and renders them.
+//!
+//! The way of the data is the way of the modules; each imports only from those before it:
+//!
+//! 1. [`diag`] and [`math`]: places in texts and messages about them; numbers and SIMD lanes. Used by all, use none.
+//! 2. [`expr`]: straight-line mathematics as a hash-consed graph, simplified and differentiated.
+//! 3. [`formula`]: step files, graph files and scripts, read into plain data; steps are *traced* into expressions.
+//! 4. [`graph`]: a fractal as nodes and wires, validated.
+//! 5. [`kernel`]: functions and the loops around them, in a form that every back end runs: the embedded CPU interpreter
+//!    (f64, wide f32) and generated WGSL.
+//! 6. [`compose`]: from a graph to distance estimators, with the method and form that suit it.
+//! 7. [`march`], [`shade`], [`film`]: rays to hits, hits to colours, colours to a picture.
+//! 8. [`load`] and [`render`] join the stages; [`check`] tests formulas.
+//!
+//! Testing a formula of your own takes a few lines:
+//!
+//! ```
+//! use bulbfold::check::Formula;
+//!
+//! let formula = Formula::from_ron(
+//!     r#"(nodes: { "bulb": bulb_power(power: 8) }, escape_radius: 10, max_iterations: 10)"#,
+//! )?;
+//! assert!(formula.inside([0.0, 0.0, 0.0]));
+//! assert!(!formula.inside([1.3, 0.0, 0.0]));
+//! # Ok::<(), bulbfold::check::FormulaError>(())
+//! ```
 #![warn(missing_docs)]
 
+pub mod check;
 pub mod compose;
 pub mod diag;
 pub mod expr;
