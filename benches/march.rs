@@ -33,8 +33,7 @@ fn bench_march<B: Backend>(bencher: divan::Bencher, name: &str, backend: &B) {
     let composer = Composer { arena: &arena, library: &library, graph: &loaded.graph };
     let settings = RenderSettings { size: Size { width: 640, height: 480 }, ..RenderSettings::default() };
     let pipeline = compose_pipeline(&composer, &settings).expect("built-in fractals compose");
-    let pixels: Vec<(u32, u32)> =
-        bulbfold::film::tiles(settings.size).iter().flat_map(|tile| tile.pixels()).collect();
+    let pixels: Vec<(u32, u32)> = bulbfold::film::tiles(settings.size).iter().flat_map(|tile| tile.pixels()).collect();
     let column = |f: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(f(p)) + 0.5).collect::<Vec<f64>>();
     let upload = backend.upload(&[column(|p| p.0), column(|p| p.1)]).expect("columns fit");
     let camera = backend.prepare(&arena, &pipeline.camera_kernel).expect("kernels compile");

@@ -7,7 +7,7 @@ use crate::diag::Diagnostic;
 use crate::film::{Image, tiles};
 use crate::graph::{Camera, EstimateSettings, Look};
 use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
-use crate::march::{MarchSettings, compose_march};
+use crate::march::{MIN_DIFFERENCE_F32, MarchSettings, compose_march};
 use crate::shade::{self, CameraFrame, Size};
 
 /// What a picture needs besides its fractal.
@@ -23,6 +23,8 @@ pub struct RenderSettings {
     pub detail: f64,
     /// Estimates after which a ray is unfinished.
     pub max_march_steps: u32,
+    /// Least relative step of finite differences, by the precision of the back end (see [`MarchSettings`]).
+    pub min_difference: f64,
 }
 
 impl Default for RenderSettings {
@@ -33,6 +35,7 @@ impl Default for RenderSettings {
             samples: 1,
             detail: 1.0,
             max_march_steps: 1000,
+            min_difference: MIN_DIFFERENCE_F32,
         }
     }
 }
@@ -89,6 +92,7 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
         pixel_radius: pixel_radius * settings.detail,
         hit_eps: 0.0,
         max_march_steps: settings.max_march_steps,
+        min_difference: settings.min_difference,
     };
     let choices: &[Choice] = &plan.choices;
     let estimator = compose_estimator(composer, choices, Purpose::March)?;

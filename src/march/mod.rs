@@ -20,19 +20,30 @@ pub struct MarchSettings {
     pub hit_eps: f64,
     /// Estimates after which a ray is unfinished.
     pub max_march_steps: u32,
+    /// Least step of finite differences, as a share of the larger of 1 and the point's coordinates: below it the
+    /// precision has no digits left.
+    pub min_difference: f64,
 }
+
+/// [`MarchSettings::min_difference`] for single precision.
+pub const MIN_DIFFERENCE_F32: f64 = 1e-5;
+/// [`MarchSettings::min_difference`] for double precision.
+pub const MIN_DIFFERENCE_F64: f64 = 1e-8;
 
 impl Default for MarchSettings {
     fn default() -> Self {
-        MarchSettings { fudge: 1.0, pixel_radius: 1e-3, hit_eps: 0.0, max_march_steps: 1000 }
+        MarchSettings {
+            fudge: 1.0,
+            pixel_radius: 1e-3,
+            hit_eps: 0.0,
+            max_march_steps: 1000,
+            min_difference: MIN_DIFFERENCE_F32,
+        }
     }
 }
 
 /// Share of the hit threshold that bisection narrows a hit down to.
 const BISECTION: f64 = 1.0 / 16.0;
-/// Least step of finite differences, as a share of the distance to the estimated point or of 1: below it single
-/// precision has no digits left.
-const MIN_DIFFERENCE: f64 = 1e-5;
 
 /// Expressions of a ray and its state, as inputs of `locate` and `advance`.
 struct Inputs<'g> {
@@ -98,7 +109,7 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     // A hundredth of the last estimate; before the first one, of the threshold's order.
     let wanted = ray.last_de * 0.01;
     function.output("p", p);
-    function.output("h", wanted.max(largest * MIN_DIFFERENCE));
+    function.output("h", wanted.max(largest * settings.min_difference));
     function.output("hit_eps", ray.hit_eps(settings));
     function
 }
