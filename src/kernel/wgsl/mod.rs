@@ -19,7 +19,7 @@
 mod function;
 mod number;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::fmt::Write as _;
 
