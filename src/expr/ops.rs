@@ -18,7 +18,7 @@ pub struct Info {
     pub bool_arguments: u8,
     /// True when the result is boolean.
     pub bool_result: bool,
-    /// WGSL text with `{0}`, `{1}`, `{2}` for the arguments.
+    /// WGSL text with `{0}`, `{1}`, `{2}` for the arguments and `{t}` for the type in a helper's name.
     pub wgsl: &'static str,
     /// One sentence for the reference.
     pub help: &'static str,
@@ -178,11 +178,11 @@ operators! {
         wgsl "cos({0})" help "The cosine of an angle in radians."
         evaluate(_t) { a.sin_cos().1 } derivative(x, y, d) { -(x[0].sin() * d[0]) }
     Asin "asin" (a) bools(0, false) continuous(true)
-        wgsl "asin({0})" help "The inverse sine in radians; the argument is clamped to [-1, 1]."
+        wgsl "bf_asin_{t}({0})" help "The inverse sine in radians; the argument is clamped to [-1, 1]."
         evaluate(t) { let one = R::splat(t, 1.0); a.max(-one).min(one).asin() }
         derivative(x, y, d) { d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt() }
     Acos "acos" (a) bools(0, false) continuous(true)
-        wgsl "acos({0})" help "The inverse cosine in radians; the argument is clamped to [-1, 1]."
+        wgsl "bf_acos_{t}({0})" help "The inverse cosine in radians; the argument is clamped to [-1, 1]."
         evaluate(t) { let one = R::splat(t, 1.0); a.max(-one).min(one).acos() }
         derivative(x, y, d) { -(d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt()) }
     Exp "exp" (a) bools(0, false) continuous(true)
@@ -216,15 +216,15 @@ operators! {
         wgsl "max({0}, {1})" help "The larger one."
         evaluate(_t) { a.max(b) } derivative(x, y, d) { x[1].lt(x[0]).select(d[0], d[1]) } // at a tie, what `min` does not take
     Pow "pow" (a, b) bools(0, false) continuous(true)
-        wgsl "pow({0}, {1})" help "The first argument to the power of the second; NaN for a negative base."
+        wgsl "bf_pow_{t}({0}, {1})" help "The first argument to the power of the second; NaN for a negative base."
         evaluate(_t) { a.pow(b) }
         derivative(x, y, d) { x[1] * x[0].pow(x[1] - 1.0) * d[0] + y * x[0].max(x[0].lift(TINY)).ln() * d[1] }
     Atan2 "atan2" (a, b) bools(0, false) continuous(false)
-        wgsl "atan2({0}, {1})" help "The angle in (-pi, pi] of the point whose y is the first argument and whose x is the second."
+        wgsl "bf_atan2_{t}({0}, {1})" help "The angle in (-pi, pi] of the point whose y is the first argument and whose x is the second."
         evaluate(_t) { a.atan2(b) }
         derivative(x, y, d) { (x[1] * d[0] - x[0] * d[1]) / (x[0] * x[0] + x[1] * x[1]).max(x[0].lift(TINY)) }
     Mod "mod" (a, b) bools(0, false) continuous(false)
-        wgsl "({0} - {1} * floor({0} / {1}))" help "The remainder with the sign of the second argument."
+        wgsl "bf_mod_{t}({0}, {1})" help "The remainder with the sign of the second argument."
         evaluate(_t) { a - b * (a / b).floor() } derivative(x, y, d) { d[0] - (x[0] / x[1]).floor() * d[1] }
     Lt "lt" (a, b) bools(0, true) continuous(false)
         wgsl "{0} < {1}" help "True where the first argument is the smaller one."
@@ -242,7 +242,7 @@ operators! {
         wgsl "{0} | {1}" help "True where either is."
         evaluate(_t) { a.max(b) } derivative(x, y, d) { y }
     Clamp "clamp" (a, b, c) bools(0, false) continuous(true)
-        wgsl "clamp({0}, {1}, {2})" help "The first argument moved into the range from the second to the third."
+        wgsl "min(max({0}, {1}), {2})" help "The first argument moved into the range from the second to the third."
         evaluate(_t) { a.max(b).min(c) }
         derivative(x, y, d) { x[0].lt(x[1]).select(d[1], x[2].lt(x[0]).select(d[2], d[0])) }
     MulAdd "mul_add" (a, b, c) bools(0, false) continuous(true)

@@ -1,0 +1,208 @@
+//! The GPU back end: generated WGSL, run as compute by wgpu.
+//!
+//! Columns stay in device memory until they are downloaded: one buffer holds all columns of a result, column `j` of
+//! element `i` at `j * len + i`, in single precision. Rays march in slices (see [`program`](self)), so that no dispatch
+//! runs long enough for a driver to reset the device. Errors of the device never panic and never reach stderr: every
+//! call gives them back as [`BackendError`]. After [`BackendError::DeviceLost`], [`Gpu::rebuild`] makes a new device; kernels must
+//! then be prepared and columns be uploaded again.
+
+mod adapter;
+mod program;
+mod slices;
+#[cfg(test)]
+mod tests;
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+pub use adapter::{AdapterInfoLine, AdapterWanted, adapters};
+pub use program::GpuKernel;
+
+use super::{Backend, BackendError, Kernel};
+use crate::expr::Arena;
+
+/// A graphics device that runs kernels.
+pub struct Gpu {
+    wanted: AdapterWanted,
+    adapter: AdapterInfoLine,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    trouble: Trouble,
+}
+
+/// Columns of equal length in device memory.
+pub struct GpuColumns {
+    buffer: wgpu::Buffer,
+    columns: usize,
+    len: usize,
+}
+
+/// What went wrong outside any call: the first error is kept.
+#[derive(Clone, Default)]
+struct Trouble(Arc<Mutex<Option<BackendError>>>);
+
+impl Trouble {
+    fn set(&self, error: BackendError) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+    }
+
+    fn check(&self) -> Result<(), BackendError> {
+        match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
+            Some(error) => Err(error.clone()),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The back end's error for one of wgpu's.
+fn backend_error(error: &wgpu::Error) -> BackendError {
+    match error {
+        wgpu::Error::OutOfMemory { source } => BackendError::OutOfMemory(source.to_string()),
+        wgpu::Error::Validation { description, .. } => BackendError::InvalidWgsl(description.clone()),
+        wgpu::Error::Internal { description, .. } => BackendError::DeviceLost(description.clone()),
+    }
+}
+
+impl Gpu {
+    /// Opens the best adapter of the kind wanted: discrete before integrated before virtual before software.
+    ///
+    /// Errors: [`BackendError::NoAdapter`] where there is none, [`BackendError::DeviceLost`] where it cannot be opened.
+    pub fn new(wanted: AdapterWanted) -> Result<Gpu, BackendError> {
+        let (adapter, line) = adapter::choose(wanted)?;
+        let request =
+            wgpu::DeviceDescriptor { label: Some("bulbfold"), required_limits: adapter.limits(), ..Default::default() };
+        let (device, queue) = pollster::block_on(adapter.request_device(&request))
+            .map_err(|error| BackendError::DeviceLost(format!("{} cannot be opened: {error}", line.name)))?;
+        let trouble = Trouble::default();
+        let stored = trouble.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| stored.set(backend_error(&error))));
+        let stored = trouble.clone();
+        device.set_device_lost_callback(move |_, text| stored.set(BackendError::DeviceLost(text)));
+        Ok(Gpu { wanted, adapter: line, device, queue, trouble })
+    }
+
+    /// Replaces a lost device by a new one. What was prepared or uploaded before is of no use any more.
+    pub fn rebuild(&mut self) -> Result<(), BackendError> {
+        *self = Gpu::new(self.wanted)?;
+        Ok(())
+    }
+
+    /// The adapter in use.
+    pub fn adapter(&self) -> &AdapterInfoLine {
+        &self.adapter
+    }
+
+    /// Runs `work` and gives back the first error that the device reported in it.
+    fn scoped<T>(&self, work: impl FnOnce() -> Result<T, BackendError>) -> Result<T, BackendError> {
+        self.trouble.check()?;
+        let filters = [wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Validation];
+        let scopes = filters.map(|filter| self.device.push_error_scope(filter));
+        let result = work();
+        let mut first = None;
+        for scope in scopes.into_iter().rev() {
+            first = first.or(pollster::block_on(scope.pop()));
+        }
+        // A lost device also makes every later call invalid: that is the less telling error.
+        self.trouble.check()?;
+        match first {
+            Some(error) => Err(backend_error(&error)),
+            None => result,
+        }
+    }
+
+    /// A buffer that kernels read and write; never of size 0, which cannot be bound.
+    fn storage(&self, bytes: u64) -> Result<wgpu::Buffer, BackendError> {
+        let limits = self.device.limits();
+        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+        if bytes > most {
+            return Err(BackendError::OutOfMemory(format!("{bytes} bytes in one buffer, and {most} is the most")));
+        }
+        use wgpu::BufferUsages as Usage;
+        Ok(self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: bytes.max(4),
+            usage: Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST,
+            mapped_at_creation: false,
+        }))
+    }
+
+    /// Columns with contents still to be written.
+    fn columns(&self, columns: usize, len: usize) -> Result<GpuColumns, BackendError> {
+        let buffer = self.storage((columns * len * size_of::<f32>()) as u64)?;
+        Ok(GpuColumns { buffer, columns, len })
+    }
+
+    /// Submits commands and the copy of the first `bytes` of `source`, waits, and hands the copy to `read`.
+    fn read_back<T>(
+        &self,
+        mut encoder: wgpu::CommandEncoder,
+        source: &wgpu::Buffer,
+        bytes: u64,
+        read: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, BackendError> {
+        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: bytes,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        encoder.copy_buffer_to_buffer(source, 0, &staging, 0, bytes);
+        self.queue.submit([encoder.finish()]);
+        let failure = self.trouble.clone();
+        staging.map_async(wgpu::MapMode::Read, .., move |result| {
+            if let Err(error) = result {
+                failure.set(BackendError::DeviceLost(error.to_string()));
+            }
+        });
+        self.wait()?;
+        let view = staging.get_mapped_range(..).map_err(|error| BackendError::DeviceLost(error.to_string()))?;
+        Ok(read(&view))
+    }
+
+    /// Waits until the device has done all that was submitted.
+    fn wait(&self) -> Result<(), BackendError> {
+        let poll = wgpu::PollType::Wait { submission_index: None, timeout: Some(Duration::from_secs(60)) };
+        if let Err(error) = self.device.poll(poll) {
+            self.trouble.set(BackendError::DeviceLost(error.to_string()));
+        }
+        self.trouble.check()
+    }
+}
+
+impl Backend for Gpu {
+    type Prepared = GpuKernel;
+    type Columns = GpuColumns;
+
+    fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<GpuKernel, BackendError> {
+        self.scoped(|| GpuKernel::new(&self.device, arena, kernel))
+    }
+
+    fn upload(&self, columns: &[Vec<f64>]) -> Result<GpuColumns, BackendError> {
+        self.scoped(|| {
+            let result = self.columns(columns.len(), columns.first().map_or(0, Vec::len))?;
+            let values: Vec<f32> = columns.iter().flatten().map(|&x| x as f32).collect();
+            if !values.is_empty() {
+                self.queue.write_buffer(&result.buffer, 0, bytemuck::cast_slice(&values));
+            }
+            Ok(result)
+        })
+    }
+
+    fn download(&self, columns: &GpuColumns) -> Result<Vec<Vec<f64>>, BackendError> {
+        if columns.len == 0 {
+            return Ok(vec![Vec::new(); columns.columns]);
+        }
+        self.scoped(|| {
+            let encoder = self.device.create_command_encoder(&Default::default());
+            let bytes = (columns.columns * columns.len * size_of::<f32>()) as u64;
+            self.read_back(encoder, &columns.buffer, bytes, |bytes| {
+                let values: &[f32] = bytemuck::cast_slice(bytes);
+                values.chunks_exact(columns.len).map(|c| c.iter().map(|&x| f64::from(x)).collect()).collect()
+            })
+        })
+    }
+
+    fn run(&self, kernel: &GpuKernel, inputs: &[&GpuColumns]) -> Result<GpuColumns, BackendError> {
+        self.scoped(|| self.run_kernel(kernel, inputs))
+    }
+}

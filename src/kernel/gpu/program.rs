@@ -1,0 +1,313 @@
+//! Kernels as pipelines, and how they run: in one dispatch (maps), in parts (estimates), or in slices (marches).
+
+use std::time::{Duration, Instant};
+
+use super::slices::{Slices, adapt};
+use super::{Gpu, GpuColumns};
+use crate::expr::{Arena, Port};
+use crate::kernel::wgsl::{self, WORKGROUP};
+use crate::kernel::{BackendError, Kernel};
+
+/// A kernel as compiled pipelines.
+pub struct GpuKernel {
+    kind: Kind,
+    layout: wgpu::BindGroupLayout,
+    inputs: usize,
+    outputs: usize,
+    slices: Slices,
+    /// Time to write, validate and compile it.
+    pub compile_time: Duration,
+    /// The part of it that parsing and validating took.
+    pub validate_time: Duration,
+}
+
+enum Kind {
+    Map(wgpu::ComputePipeline),
+    Estimates(wgpu::ComputePipeline),
+    March { start: wgpu::ComputePipeline, march: wgpu::ComputePipeline, max_march_steps: u32 },
+}
+
+/// The uniform `Call` of `shaders/prelude.wgsl`, padded to whole vectors.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Call {
+    n: u32,
+    first: u32,
+    end: u32,
+    row: u32,
+    slice: u32,
+    padding: [u32; 3],
+}
+
+impl GpuKernel {
+    /// Writes, validates and compiles a kernel. Device errors go to the caller's error scopes.
+    pub(super) fn new(device: &wgpu::Device, arena: &Arena, kernel: &Kernel) -> Result<GpuKernel, BackendError> {
+        let started = Instant::now();
+        let text = wgsl::write(arena, kernel);
+        let parsed = Instant::now();
+        let (module, _) = wgsl::validate(&text)?;
+        let validate_time = parsed.elapsed();
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module)),
+        });
+        let buffers = if matches!(kernel, Kernel::March(_)) { 5 } else { 3 };
+        let layout = bind_group_layout(device, buffers);
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            bind_group_layouts: &[Some(&layout)],
+            ..Default::default()
+        });
+        let pipeline = |entry: &str| {
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry),
+                layout: Some(&pipeline_layout),
+                module: &module,
+                entry_point: Some(entry),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    zero_initialize_workgroup_memory: false,
+                    ..Default::default()
+                },
+                cache: None,
+            })
+        };
+        let entries = wgsl::entry_points(kernel);
+        let kind = match kernel {
+            Kernel::Map(_) => Kind::Map(pipeline(entries[0])),
+            Kernel::Estimate(_) => Kind::Estimates(pipeline(entries[0])),
+            Kernel::March(march) => Kind::March {
+                start: pipeline(entries[0]),
+                march: pipeline(entries[1]),
+                max_march_steps: march.max_march_steps,
+            },
+        };
+        Ok(GpuKernel {
+            kind,
+            layout,
+            inputs: Port::scalars(&kernel.inputs()),
+            outputs: Port::scalars(&kernel.outputs()),
+            slices: Slices::new(),
+            compile_time: started.elapsed(),
+            validate_time,
+        })
+    }
+}
+
+/// Binding 0 is the uniform, 1 and 3 are read, 2 and 4 are written too.
+fn bind_group_layout(device: &wgpu::Device, buffers: u32) -> wgpu::BindGroupLayout {
+    let entries: Vec<wgpu::BindGroupLayoutEntry> = (0..buffers)
+        .map(|binding| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: match binding {
+                    0 => wgpu::BufferBindingType::Uniform,
+                    _ => wgpu::BufferBindingType::Storage { read_only: binding % 2 == 1 },
+                },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        })
+        .collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+}
+
+/// Buffers of a march: two lists of running rays (count, then numbers), read and written in turns.
+struct MarchBuffers {
+    lists: [wgpu::Buffer; 2],
+    groups: [wgpu::BindGroup; 2],
+    call: wgpu::Buffer,
+}
+
+impl Gpu {
+    pub(super) fn run_kernel(&self, kernel: &GpuKernel, inputs: &[&GpuColumns]) -> Result<GpuColumns, BackendError> {
+        let given: usize = inputs.iter().map(|c| c.columns).sum();
+        assert_eq!(given, kernel.inputs, "columns must match the kernel's inputs");
+        let len = inputs.first().map_or(0, |c| c.len);
+        assert!(inputs.iter().all(|c| c.len == len), "columns must be of equal length");
+        let outputs = self.columns(kernel.outputs, len)?;
+        if len == 0 {
+            return Ok(outputs);
+        }
+        let joined;
+        let input = match inputs {
+            [only] => *only,
+            _ => {
+                joined = self.join(inputs, given, len)?;
+                &joined
+            }
+        };
+        match &kernel.kind {
+            Kind::Map(pipeline) => {
+                let call = self.call_buffer();
+                let group = self.bind(kernel, &[&call, &input.buffer, &outputs.buffer]);
+                let encoder = self.dispatch(pipeline, &group, &call, len, 0..len as u32, 0);
+                self.queue.submit([encoder.finish()]);
+            }
+            Kind::Estimates(pipeline) => self.run_estimates(kernel, pipeline, input, &outputs)?,
+            Kind::March { start, march, max_march_steps } => {
+                self.run_march(kernel, [start, march], *max_march_steps, input, &outputs)?;
+            }
+        }
+        Ok(outputs)
+    }
+
+    /// Columns one after the other in one buffer.
+    fn join(&self, inputs: &[&GpuColumns], columns: usize, len: usize) -> Result<GpuColumns, BackendError> {
+        let joined = self.columns(columns, len)?;
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        let mut at = 0;
+        for input in inputs {
+            let bytes = (input.columns * len * size_of::<f32>()) as u64;
+            encoder.copy_buffer_to_buffer(&input.buffer, 0, &joined.buffer, at, bytes);
+            at += bytes;
+        }
+        self.queue.submit([encoder.finish()]);
+        Ok(joined)
+    }
+
+    fn call_buffer(&self) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: size_of::<Call>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
+    }
+
+    fn bind(&self, kernel: &GpuKernel, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
+        let entries: Vec<wgpu::BindGroupEntry> = buffers
+            .iter()
+            .enumerate()
+            .map(|(i, buffer)| wgpu::BindGroupEntry { binding: i as u32, resource: buffer.as_entire_binding() })
+            .collect();
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &kernel.layout,
+            entries: &entries,
+        })
+    }
+
+    /// Commands of one dispatch over a range of elements. The uniform is written when they are submitted.
+    fn dispatch(
+        &self,
+        pipeline: &wgpu::ComputePipeline,
+        group: &wgpu::BindGroup,
+        call: &wgpu::Buffer,
+        n: usize,
+        range: std::ops::Range<u32>,
+        slice: u32,
+    ) -> wgpu::CommandEncoder {
+        let groups = (range.end - range.start).div_ceil(WORKGROUP);
+        let width = groups.min(self.device.limits().max_compute_workgroups_per_dimension);
+        let uniform =
+            Call { n: n as u32, first: range.start, end: range.end, row: width * WORKGROUP, slice, padding: [0; 3] };
+        self.queue.write_buffer(call, 0, bytemuck::bytes_of(&uniform));
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(width, groups.div_ceil(width), 1);
+        }
+        encoder
+    }
+
+    /// Estimates in parts, each waited for and measured.
+    fn run_estimates(
+        &self,
+        kernel: &GpuKernel,
+        pipeline: &wgpu::ComputePipeline,
+        input: &GpuColumns,
+        outputs: &GpuColumns,
+    ) -> Result<(), BackendError> {
+        let call = self.call_buffer();
+        let group = self.bind(kernel, &[&call, &input.buffer, &outputs.buffer]);
+        self.wait()?;
+        let (mut first, len) = (0, input.len as u32);
+        while first < len {
+            let end = len.min(first.saturating_add(kernel.slices.elements()));
+            let start = Instant::now();
+            let encoder = self.dispatch(pipeline, &group, &call, input.len, first..end, 0);
+            self.queue.submit([encoder.finish()]);
+            self.wait()?;
+            kernel.slices.learn_elements(end - first, start.elapsed());
+            first = end;
+        }
+        Ok(())
+    }
+
+    /// Marches in slices until no ray runs or steps have run out. Twin: `run_march` in `kernel/cpu.rs`.
+    fn run_march(
+        &self,
+        kernel: &GpuKernel,
+        [start, march]: [&wgpu::ComputePipeline; 2],
+        max_march_steps: u32,
+        input: &GpuColumns,
+        outputs: &GpuColumns,
+    ) -> Result<(), BackendError> {
+        let buffers = self.march_buffers(kernel, input, outputs)?;
+        let (n, mut read) = (input.len, 1);
+        let encoder = self.dispatch(start, &buffers.groups[read], &buffers.call, n, 0..n as u32, 0);
+        read = 1 - read;
+        let mut running = self.read_back(encoder, &buffers.lists[read], 4, read_count)?;
+        let (mut done, mut slice) = (0, kernel.slices.first());
+        while running > 0 && done < max_march_steps {
+            slice = slice.clamp(1, max_march_steps - done);
+            let (still_running, longest) = self.run_slice(kernel, march, &buffers, read, (n, running, slice))?;
+            if done == 0 {
+                kernel.slices.learn_first(slice, longest);
+            }
+            if slice == 1 {
+                kernel.slices.learn_elements(running, longest);
+            }
+            done += slice;
+            slice = adapt(slice, longest);
+            running = still_running;
+            read = 1 - read;
+        }
+        Ok(())
+    }
+
+    fn march_buffers(
+        &self,
+        kernel: &GpuKernel,
+        input: &GpuColumns,
+        outputs: &GpuColumns,
+    ) -> Result<MarchBuffers, BackendError> {
+        let bytes = ((input.len + 1) * size_of::<u32>()) as u64;
+        let lists = [self.storage(bytes)?, self.storage(bytes)?];
+        let call = self.call_buffer();
+        let groups = [0, 1]
+            .map(|read| self.bind(kernel, &[&call, &input.buffer, &outputs.buffer, &lists[read], &lists[1 - read]]));
+        Ok(MarchBuffers { lists, groups, call })
+    }
+
+    /// Advances all listed rays by one slice, in as many dispatches as their number calls for. Gives how many still run and
+    /// the time of the longest dispatch.
+    fn run_slice(
+        &self,
+        kernel: &GpuKernel,
+        march: &wgpu::ComputePipeline,
+        buffers: &MarchBuffers,
+        read: usize,
+        (n, running, slice): (usize, u32, u32),
+    ) -> Result<(u32, Duration), BackendError> {
+        let written = &buffers.lists[1 - read];
+        self.queue.write_buffer(written, 0, &0u32.to_le_bytes());
+        let (mut first, mut still_running, mut longest) = (0, 0, Duration::ZERO);
+        while first < running {
+            let end = running.min(first.saturating_add(kernel.slices.elements()));
+            let start = Instant::now();
+            let encoder = self.dispatch(march, &buffers.groups[read], &buffers.call, n, first..end, slice);
+            still_running = self.read_back(encoder, written, 4, read_count)?;
+            longest = longest.max(start.elapsed());
+            first = end;
+        }
+        Ok((still_running, longest))
+    }
+}
+
+fn read_count(bytes: &[u8]) -> u32 {
+    bytes.first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes))
+}
