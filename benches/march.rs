@@ -52,7 +52,7 @@ fn cpu_f32(bencher: divan::Bencher, name: &str) {
     bench_march(bencher, name, &Cpu::new(Precision::F32));
 }
 
-#[cfg(any())]
+#[cfg(feature = "gpu")]
 #[divan::bench(args = FRACTALS, sample_count = 9, sample_size = 1)]
 fn gpu(bencher: divan::Bencher, name: &str) {
     use bulbfold::kernel::gpu::{AdapterWanted, Gpu};
