@@ -223,6 +223,10 @@ fn measure_extent(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<f64>
         let cpu = Cpu::new(Precision::F64);
         let found = outermost_member(&cpu, composer, &membership);
         let Some(found) = found else { break };
+        // A ball that shrinks at once means that the samples began to miss a thin set, not that it is smaller.
+        if best != f64::MAX && found < best / 1.5 {
+            break;
+        }
         best = best.min(found);
     }
     Ok(if best == f64::MAX { 2.0 } else { best })

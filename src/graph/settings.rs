@@ -157,7 +157,7 @@ impl Default for Look {
     fn default() -> Self {
         Look {
             sun_direction: [-0.55, 0.75, 0.6],
-            sun: [2.6, 2.35, 1.95],
+            sun: [2.1, 1.9, 1.6],
             sky: [0.42, 0.55, 0.78],
             shadows: true,
             occlusion: 0.85,
