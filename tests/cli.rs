@@ -88,7 +88,7 @@ fn bad_input_exits_with_2_and_writes_nothing() {
         (&["render", "nan.ron"], "nan.ron:1"),
         (&["render", "step.ron"], "did you mean `box_fold`"),
         (&["render", "step.rhai"], "not a graph script"),
-        (&["render", "mandelbulb", "--set", "powr=4"], "--set powr"),
+        (&["render", "mandelbulb", "--set", "powr=4"], "did you mean `power`"),
         (&["render", "mandelbulb", "--set", "power=99"], "--set power"),
         (&["render", "mandelbulb", "--set", "power=abc"], "--set power"),
         (&["render", "mandelbulb", "--set", "power"], "--set"),

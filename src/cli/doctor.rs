@@ -87,7 +87,7 @@ fn compare(session: &mut Session, name: &str) -> Result<Vec<Verdict>, Failure> {
 
 /// Points through the ball, without order, the same on every machine (R3 sequence, Roberts 2018).
 fn probe_set(radius: f64) -> Vec<Vec<f64>> {
-    let mut columns = vec![Vec::with_capacity(POINTS); 3];
+    let mut columns = vec![Vec::new(); 3];
     for i in 0..POINTS {
         for (column, step) in columns.iter_mut().zip([0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2]) {
             let unit = (0.5 + step * (i + 1) as f64).fract();

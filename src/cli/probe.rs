@@ -195,7 +195,7 @@ impl Probe<'_> {
 /// range.
 fn ray_columns(rays: &[[f64; 6]], radius: f64) -> Result<Vec<Vec<f64>>, Failure> {
     use glam::DVec3;
-    let mut columns = vec![Vec::with_capacity(rays.len()); 8];
+    let mut columns = vec![Vec::new(); 8];
     for (i, ray) in rays.iter().enumerate() {
         let origin = DVec3::new(ray[0], ray[1], ray[2]);
         let given = DVec3::new(ray[3], ray[4], ray[5]);

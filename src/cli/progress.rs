@@ -33,7 +33,7 @@ impl Progress {
     /// Tells the share that is done.
     pub fn update(&mut self, share: f64) {
         let elapsed = self.start.elapsed();
-        if self.quiet || elapsed < PATIENCE || !(share > 0.0) {
+        if self.quiet || elapsed < PATIENCE || share <= 0.0 {
             return;
         }
         let left = Duration::from_secs_f64((elapsed.as_secs_f64() * (1.0 - share) / share).clamp(0.0, 1e6));

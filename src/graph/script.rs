@@ -90,10 +90,20 @@ pub fn run_script(library: &Library, text: SourceId, overrides: &[Override], d: 
     match result.and_then(|result| run.graph(&result)) {
         Ok(value) => Some(value),
         Err(diagnostic) => {
-            d.push(diagnostic);
+            d.push(with_nearest(diagnostic, library));
             None
         }
     }
+}
+
+/// Names the constructor that an unknown function may stand for.
+fn with_nearest(diagnostic: Diagnostic, library: &Library) -> Diagnostic {
+    let Some(rest) = diagnostic.message.strip_prefix("Function not found: ").map(str::to_string) else {
+        return diagnostic;
+    };
+    let name = rest.split([' ', '(']).next().unwrap_or_default();
+    let steps = library.steps().map(|step| step.name.as_str());
+    diagnostic.did_you_mean(name, KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(steps))
 }
 
 fn register(engine: &mut Engine, library: &Library, run: &Rc<Run>) {
