@@ -113,7 +113,7 @@ fn register(engine: &mut Engine, library: &Library, run: &Rc<Run>) {
     for name in KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(steps) {
         register_constructor(engine, name, run);
     }
-    // `Orbit` is a node and a test; both are maps of fields.
+    // `Orbit` is a node and a test, and made alike.
     let mut words = rhai::Module::new();
     for word in WORDS {
         let value = Value::new(Span::NONE, ValueKind::Variant(Name::new(Span::NONE, *word)));
@@ -225,8 +225,14 @@ impl Run {
             let help = "the last line, without a semicolon, is what a script returns: a node, or #{ output: node, ... }";
             Diagnostic::error(message).label(end, "the script ends here").help(help)
         };
+        if result.is_unit() {
+            return Err(fail("the script must return a graph, but returns nothing".into()));
+        }
         let whole = self.sources.span_at(self.text, 1, 1);
-        let value = convert(result, whole, &mut 0).map_err(|error| fail(error.to_string()))?;
+        let value = convert(result, whole, &mut 0).map_err(|error| match *error {
+            EvalAltResult::ErrorRuntime(text, _) => fail(text.to_string()),
+            other => fail(other.to_string()),
+        })?;
         let mut fields = match value.kind {
             ValueKind::Struct { name: None, fields } => fields,
             ValueKind::Struct { name: Some(_), .. } | ValueKind::Tuple { name: Some(_), .. } => {

@@ -385,7 +385,7 @@ fn hostile_texts_end_soon() {
     ];
     for piece in pieces {
         for start in ["", "[", "(", "(a: ", "{", "[\"", "{1: ["] {
-            let mut text = start.to_owned() + &fill(piece);
+            let mut text = start.to_owned() + fill(piece).as_str();
             while text.len() >= million {
                 text.pop();
             }
