@@ -6,6 +6,7 @@ use crate::diag::{Diagnostic, Diagnostics, SourceId};
 use crate::formula::embedded;
 use crate::formula::library::Library;
 use crate::formula::ron::{Limits, read_ron};
+use crate::graph::script::run_script;
 use crate::graph::{Override, ValidGraph, read};
 
 /// Largest formula file, in bytes.
@@ -33,8 +34,10 @@ pub fn load(library: &mut Library, what: &str, set: &[(String, String)], d: &mut
         (what.to_string(), text)
     } else if let Some((name, text)) = embedded::FRACTALS.iter().find(|(name, _)| *name == what) {
         (format!("formulas/fractals/{name}.ron"), (*text).to_string())
+    } else if let Some((name, text)) = embedded::SCRIPTS.iter().find(|(name, _)| *name == what) {
+        (format!("formulas/scripts/{name}.rhai"), (*text).to_string())
     } else {
-        let names = embedded::FRACTALS.iter().map(|(name, _)| *name);
+        let names = embedded::FRACTALS.iter().chain(embedded::SCRIPTS).map(|(name, _)| *name);
         let message = format!("there is no file and no built-in fractal `{what}`");
         d.push(Diagnostic::error(message).did_you_mean(what, names).help("`bulbfold list` shows the built-in ones"));
         return None;
@@ -52,7 +55,11 @@ pub fn load_text(
 ) -> Option<Loaded> {
     let overrides = read_overrides(library, set, d);
     let id = library.sources.add(name, text);
-    let value = read_ron(&library.sources, id, &Limits::default(), d)?;
+    let is_script = Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
+    let value = match is_script {
+        true => run_script(library, id, &overrides, d)?,
+        false => read_ron(&library.sources, id, &Limits::default(), d)?,
+    };
     let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let graph = read(library, &value, &stem, &overrides, d)?;
     (!d.has_errors()).then_some(Loaded { graph, text: id })

@@ -18,6 +18,7 @@ mod arena;
 pub mod differentiate;
 mod function;
 pub mod ops;
+pub mod print;
 mod simplify;
 
 pub use arena::{Arena, Expr, Node, NodeId, Op, Type};

@@ -208,6 +208,8 @@ impl Step {
             }
             _ => None,
         };
+        // What is built after the step is not the step's.
+        arena.set_span(Span::NONE);
         Ok(Traced { z: after, dr })
     }
 

@@ -9,6 +9,7 @@ mod nodes;
 pub mod print;
 mod read;
 mod schedule;
+pub mod script;
 mod settings;
 mod tests_of_formula;
 mod validate;

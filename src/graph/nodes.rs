@@ -171,7 +171,8 @@ impl Reader<'_> {
         let turns: Vec<Option<(NodeRef, u32)>> = items
             .iter()
             .map(|item| match &item.kind {
-                ValueKind::Tuple { name: None, items } if items.len() == 2 => {
+                // Scripts write turns as lists of two.
+                ValueKind::Tuple { name: None, items } | ValueKind::List(items) if items.len() == 2 => {
                     let count = self.number(&items[1], 1.0, 1000.0);
                     Some((self.wire(&items[0])?, count? as u32))
                 }

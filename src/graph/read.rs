@@ -51,6 +51,33 @@ pub fn read(
     validate(graph, d)
 }
 
+/// Fields of a fractal that an override may set as a whole.
+const FIELDS: &[&str] = &[
+    "name",
+    "summary",
+    "source",
+    "output",
+    "constant",
+    "escape_radius",
+    "max_iterations",
+    "slice",
+    "estimate",
+    "camera",
+    "bounding_radius",
+    "look",
+];
+
+fn unknown_override(path: &str, span: Span, params: &[String]) -> Diagnostic {
+    let names = params.iter().map(String::as_str).chain(FIELDS.iter().copied());
+    let message = format!("there is no parameter `{path}`");
+    let diagnostic = Diagnostic::error(message).label(span, "cannot be set").did_you_mean(path, names);
+    match (diagnostic.help.is_empty(), params.is_empty()) {
+        (true, false) => diagnostic.help(format!("the fractal's parameters are: {}", params.join(", "))),
+        (true, true) => diagnostic.help("the fractal has no parameters; `node.parameter=value` sets a node's"),
+        _ => diagnostic,
+    }
+}
+
 /// Puts an override into the value tree, or into `params` where it names a fractal's parameter.
 fn apply_override(value: &mut Value, change: &Override, params: &mut HashMap<String, Value>, d: &mut Diagnostics) {
     let root = match &mut value.kind {
@@ -72,7 +99,10 @@ fn apply_override(value: &mut Value, change: &Override, params: &mut HashMap<Str
         }
         None => match find(root, &change.path) {
             Some(i) => root[i].1 = change.value.clone(),
-            None => root.push((Name::new(change.value.span, &*change.path), change.value.clone())),
+            None if FIELDS.contains(&change.path.as_str()) => {
+                root.push((Name::new(change.value.span, &*change.path), change.value.clone()));
+            }
+            None => d.push(unknown_override(&change.path, change.value.span, &names_of(root, "params"))),
         },
         Some((node, parameter)) => {
             let known = names_of(root, "nodes");
@@ -224,11 +254,13 @@ impl Reader<'_> {
         let help = fields.or("help", String::new(), self.d);
         fields.finish(self.d);
         let default = default?;
-        let (given, span) = match overrides.get(&name.text) {
-            Some(change) => (f64::from_value(change, self.d)?, change.span),
-            None => (default, value.span),
-        };
-        check_range(given, min, max, &format!("`{}`", name.text), span, self.d);
+        check_range(default, min, max, &format!("`{}`", name.text), value.span, self.d);
+        let given = overrides.get(&name.text).and_then(|change| {
+            let given = f64::from_value(change, self.d)?;
+            check_range(given, min, max, &format!("`{}`", name.text), change.span, self.d).then_some(given)
+        });
+        // After an error the default stands in, so that nothing else goes wrong for the same reason.
+        let given = given.unwrap_or(default);
         Some(FractalParam { name: name.text.clone(), value: given, default, min, max, unit, help })
     }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Deref;
 
-use super::{Graph, Node, NodeKind, NodeRef};
+use super::{Camera, Graph, Node, NodeKind, NodeRef};
 use crate::diag::{Diagnostic, Diagnostics};
 use crate::formula::step::StateWidth;
 
@@ -164,6 +164,13 @@ fn warn_unused(graph: &Graph, d: &mut Diagnostics) {
 }
 
 impl ValidGraph {
+    /// The same graph seen from elsewhere; `camera`'s position, target and up direction must not lie on one line.
+    #[must_use]
+    pub fn with_camera(mut self, camera: Camera) -> ValidGraph {
+        self.0.camera = Some(camera);
+        self
+    }
+
     /// Components of the orbit state of a map: 4 if any of its steps asks for four.
     pub fn state_width(&self, root: NodeRef) -> u8 {
         let mut stack = vec![root];

@@ -8,6 +8,7 @@
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod listing;
 pub mod tape;
 pub mod wgsl;
 

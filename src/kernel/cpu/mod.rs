@@ -75,7 +75,12 @@ impl Cpu {
             Precision::F64 => "cpu, f64, 1 ray at a time".into(),
             Precision::F32 => {
                 let lanes = dispatch!(self.level, simd => pack_lanes(simd));
-                format!("cpu, f32, {lanes} rays at a time ({:?})", self.level)
+                {
+                    // The level's debug text is its name and then its token.
+                    let level = format!("{:?}", self.level);
+                    let name = level.split('(').next().unwrap_or_default();
+                    format!("cpu, f32, {lanes} rays at a time ({name})")
+                }
             }
         }
     }

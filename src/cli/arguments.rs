@@ -1,0 +1,192 @@
+//! Arguments that several commands take, and how they are read.
+
+use bulbfold::graph::{DeForm, Method};
+use bulbfold::kernel::cpu::Precision;
+use bulbfold::shade::Size;
+use clap::{Args, ValueEnum};
+
+/// Where kernels run.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum BackendArg {
+    /// A hardware GPU if there is one, else the CPU.
+    Auto,
+    /// The embedded CPU back end.
+    Cpu,
+    /// Any GPU adapter, also one in software.
+    Gpu,
+}
+
+/// Precision of numbers.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum PrecisionArg {
+    /// Single precision, many rays at a time.
+    F32,
+    /// Double precision, on the CPU.
+    F64,
+}
+
+impl PrecisionArg {
+    /// The CPU's precision.
+    pub fn cpu(self) -> Precision {
+        match self {
+            PrecisionArg::F32 => Precision::F32,
+            PrecisionArg::F64 => Precision::F64,
+        }
+    }
+}
+
+/// How distances are estimated.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum DeArg {
+    /// What the file says, else the cheapest that fits.
+    Auto,
+    /// The steps' own derivative rules.
+    Scalar,
+    /// The exact gradient.
+    Gradient,
+    /// The smaller of scalar and gradient.
+    Combined,
+    /// Finite differences.
+    Delta,
+}
+
+/// Final form of the estimate.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum FormArg {
+    /// What the file says, else what the orbit's growth calls for.
+    Auto,
+    /// For orbits that grow by a factor.
+    Linear,
+    /// For orbits that grow by a power.
+    Logarithmic,
+}
+
+/// The distance estimate.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct EstimateArgs {
+    /// Distance estimate
+    #[arg(long, value_enum, default_value_t = DeArg::Auto)]
+    pub de: DeArg,
+    /// Form of the estimate
+    #[arg(long, value_enum, default_value_t = FormArg::Auto)]
+    pub form: FormArg,
+    /// Step multiplier, above 0 and at most 1
+    #[arg(long, value_name = "F", value_parser = parse_fudge)]
+    pub fudge: Option<f64>,
+}
+
+impl EstimateArgs {
+    /// What is asked for; the rest is chosen.
+    pub fn settings(self) -> bulbfold::graph::EstimateSettings {
+        let method = match self.de {
+            DeArg::Auto => None,
+            DeArg::Scalar => Some(Method::Scalar),
+            DeArg::Gradient => Some(Method::Gradient),
+            DeArg::Combined => Some(Method::Combined),
+            DeArg::Delta => Some(Method::Delta),
+        };
+        let form = match self.form {
+            FormArg::Auto => None,
+            FormArg::Linear => Some(DeForm::Linear),
+            FormArg::Logarithmic => Some(DeForm::Logarithmic),
+        };
+        bulbfold::graph::EstimateSettings { method, form, radius: None, fudge: self.fudge }
+    }
+}
+
+/// The formula, and changes to it.
+#[derive(Args, Clone, Debug)]
+pub struct FormulaArgs {
+    /// Formula file (.ron), graph script (.rhai) or name of a built-in fractal
+    pub file: String,
+    /// Replace a parameter, a field or a node's parameter, such as power=4 or bulb.power=4
+    #[arg(long, value_name = "PATH=VALUE", value_parser = parse_set)]
+    pub set: Vec<(String, String)>,
+}
+
+fn parse_fudge(text: &str) -> Result<f64, String> {
+    let fudge = parse_number(text)?;
+    if fudge > 0.0 && fudge <= 1.0 { Ok(fudge) } else { Err("it must be above 0 and at most 1".into()) }
+}
+
+fn parse_set(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((path, value)) if !path.trim().is_empty() && !value.trim().is_empty() => {
+            Ok((path.trim().to_string(), value.trim().to_string()))
+        }
+        _ => Err("write a path, `=` and a value, such as power=4".into()),
+    }
+}
+
+/// Reads a finite number.
+pub fn parse_number(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        Ok(_) => Err(format!("`{}` is not a finite number", text.trim())),
+        Err(_) => Err(format!("`{}` is not a number", text.trim())),
+    }
+}
+
+/// Reads a number above 0.
+pub fn parse_positive(text: &str) -> Result<f64, String> {
+    let number = parse_number(text)?;
+    if number > 0.0 { Ok(number) } else { Err("it must be above 0".into()) }
+}
+
+/// Reads a vertical field of view in degrees.
+pub fn parse_fov(text: &str) -> Result<f64, String> {
+    let fov = parse_number(text)?;
+    if (0.001..=175.0).contains(&fov) { Ok(fov) } else { Err("it must be from 0.001 to 175 degrees".into()) }
+}
+
+/// Reads `x,y,z`.
+pub fn parse_vector(text: &str) -> Result<[f64; 3], String> {
+    let parts = text.split(',').map(parse_number).collect::<Result<Vec<f64>, String>>()?;
+    <[f64; 3]>::try_from(parts).map_err(|_| "write three numbers such as 1,0.5,-2".to_string())
+}
+
+/// Largest edge of a picture.
+const MAX_EDGE: u32 = 16384;
+
+/// Reads `WxH`.
+pub fn parse_size(text: &str) -> Result<Size, String> {
+    let expected = "write columns x rows such as 1280x720";
+    let (width, height) = text.split_once(['x', 'X']).ok_or(expected)?;
+    let edge = |part: &str| part.trim().parse::<u32>().map_err(|_| expected.to_string());
+    let size = Size { width: edge(width)?, height: edge(height)? };
+    let legal = 1..=MAX_EDGE;
+    if legal.contains(&size.width) && legal.contains(&size.height) {
+        Ok(size)
+    } else {
+        Err(format!("columns and rows must be from 1 to {MAX_EDGE}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{parse_set, parse_size, parse_vector};
+
+    #[test]
+    fn sizes_are_checked() {
+        assert!(parse_size("64x48").is_ok_and(|s| s.width == 64 && s.height == 48));
+        for wrong in ["0x1", "16385x1", "64", "axb", "-1x4", "99999999999x1", ""] {
+            assert!(parse_size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn vectors_are_three_finite_numbers() {
+        assert_eq!(parse_vector("1, -2.5,3e1"), Ok([1.0, -2.5, 30.0]));
+        for wrong in ["1,2", "1,2,3,4", "1,2,nan", "1,2,inf", "", "a,b,c"] {
+            assert!(parse_vector(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn settings_need_a_path_and_a_value() {
+        assert_eq!(parse_set("bulb.power = 4"), Ok(("bulb.power".into(), "4".into())));
+        for wrong in ["power", "=4", "power="] {
+            assert!(parse_set(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Which back end does the work: the only place of the program that opens a GPU.
+
+use bulbfold::kernel::cpu::{Cpu, Precision};
+#[cfg(feature = "gpu")]
+use bulbfold::kernel::gpu::{AdapterInfoLine, AdapterWanted, Gpu, adapters};
+use bulbfold::kernel::{Backend, BackendError};
+
+use super::arguments::{BackendArg, PrecisionArg};
+use super::session::talk;
+use super::{Failure, Session, message, usage};
+
+/// Work that any back end can do.
+pub trait Job {
+    /// What comes out.
+    type Output;
+    /// Does it; may be called again on another back end if this one fails.
+    fn run<B: Backend>(&mut self, backend: &B) -> Result<Self::Output, BackendError>;
+}
+
+/// What is asked of the back end.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted {
+    /// Which one.
+    pub backend: BackendArg,
+    /// Precision, where it was given.
+    pub precision: Option<PrecisionArg>,
+}
+
+impl Wanted {
+    /// The precision in effect, where nothing else is asked `default`.
+    pub fn precision(self, default: PrecisionArg) -> Result<PrecisionArg, Failure> {
+        match (self.backend, self.precision) {
+            (BackendArg::Gpu, Some(PrecisionArg::F64)) => {
+                let help = "drop one of them: `--precision f64` runs on the CPU";
+                Err(usage("GPUs compute in f32: `--backend gpu` and `--precision f64` exclude each other", help))
+            }
+            (BackendArg::Gpu, None) => Ok(PrecisionArg::F32),
+            (_, given) => Ok(given.unwrap_or(default)),
+        }
+    }
+}
+
+/// Does a job on the back end that was asked for and says which one it was. With `auto`, a GPU that fails hands over to
+/// the CPU.
+pub fn run_job<J: Job>(
+    session: &Session,
+    wanted: BackendArg,
+    precision: PrecisionArg,
+    job: &mut J,
+) -> Result<(String, J::Output), Failure> {
+    if wanted != BackendArg::Cpu && precision == PrecisionArg::F32 {
+        match run_on_gpu(wanted, job) {
+            Some(Ok(done)) => return Ok(done),
+            Some(Err(error)) if wanted == BackendArg::Gpu => {
+                return Err(Failure::Work(message(
+                    &error.to_string(),
+                    "`--backend cpu` renders the same picture without a GPU",
+                )));
+            }
+            Some(Err(error)) => session.warn(&format!("{error}; the CPU takes over")),
+            None => {}
+        }
+    }
+    let cpu = Cpu::new(precision.cpu());
+    let output = job.run(&cpu).map_err(|error| Failure::Work(message(&error.to_string(), "")))?;
+    Ok((cpu.description(), output))
+}
+
+/// `None` where `auto` finds no hardware, which is nothing to talk about.
+#[cfg(feature = "gpu")]
+fn run_on_gpu<J: Job>(wanted: BackendArg, job: &mut J) -> Option<Result<(String, J::Output), BackendError>> {
+    // Software adapters only where a GPU was asked for by name; hardware is preferred in either case.
+    let adapter = if wanted == BackendArg::Gpu { AdapterWanted::Any } else { AdapterWanted::Hardware };
+    let gpu = match Gpu::new(adapter) {
+        Ok(gpu) => gpu,
+        Err(BackendError::NoAdapter(_)) if wanted == BackendArg::Auto => return None,
+        Err(error) => return Some(Err(error)),
+    };
+    let name = format!("gpu, f32, {}", gpu.adapter().name);
+    Some(job.run(&gpu).map(|output| (name, output)))
+}
+
+#[cfg(not(feature = "gpu"))]
+fn run_on_gpu<J: Job>(wanted: BackendArg, _: &mut J) -> Option<Result<(String, J::Output), BackendError>> {
+    let text = "this bulbfold was built without the feature `gpu`".to_string();
+    (wanted == BackendArg::Gpu).then_some(Err(BackendError::NoAdapter(text)))
+}
+
+/// A line for each adapter: text, and whether it is a software one.
+#[cfg(feature = "gpu")]
+pub fn adapter_lines() -> Vec<(String, bool)> {
+    let line = |a: &AdapterInfoLine| format!("{} ({}, {}, {})", a.name, a.backend, a.device_type, a.driver);
+    adapters().iter().map(|a| (line(a), a.is_software)).collect()
+}
+
+/// A line for each adapter; none in this build.
+#[cfg(not(feature = "gpu"))]
+pub fn adapter_lines() -> Vec<(String, bool)> {
+    Vec::new()
+}
+
+/// Runs a job on every back end of the machine, the reference (f64) first.
+pub fn run_everywhere<J: Job>(job: &mut J) -> Vec<(String, Result<J::Output, BackendError>)> {
+    let mut results = Vec::new();
+    for precision in [Precision::F64, Precision::F32] {
+        let cpu = Cpu::new(precision);
+        results.push((cpu.description(), job.run(&cpu)));
+    }
+    match run_on_gpu(BackendArg::Gpu, job) {
+        Some(Ok((name, output))) => results.push((name, Ok(output))),
+        Some(Err(BackendError::NoAdapter(text))) => talk(&format!("no GPU was tried: {text}")),
+        Some(Err(error)) => results.push(("gpu, f32".into(), Err(error))),
+        None => {}
+    }
+    results
+}

@@ -1,0 +1,215 @@
+//! `bulbfold explain`: everything about one step or fractal.
+
+use std::io::Write;
+use std::rc::Rc;
+
+use bulbfold::compose::{Composer, choose};
+use bulbfold::expr::{Arena, Function, Port, Type, print};
+use bulbfold::formula::embedded;
+use bulbfold::formula::step::{Growth, ParamKind, ParamValue, ScalarRule, StateWidth, Step, StepInputs, script_value};
+use bulbfold::graph::{EstimateSettings, ValidGraph, print as graph_print};
+use bulbfold::kernel::{Kernel, wgsl};
+use bulbfold::shade;
+use clap::Args;
+
+use super::page::{Block, markdown, plain};
+use super::{Failure, Outcome, Session, usage};
+
+/// Arguments of `explain`.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  bulbfold explain box_fold
+  bulbfold explain mandelbulb
+  bulbfold explain sphere_fold --markdown > sphere_fold.md")]
+pub struct Arguments {
+    /// A step, a built-in fractal or script, or a formula file
+    name: String,
+    /// Print Markdown
+    #[arg(long)]
+    markdown: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
+    let name = arguments.name.as_str();
+    let blocks = match session.library.step(name).cloned() {
+        Some(step) => {
+            let mut blocks = step_page(session, &step);
+            blocks.extend(code_blocks(session, &step)?);
+            blocks
+        }
+        None => {
+            let formulas = embedded::FRACTALS.iter().chain(embedded::SCRIPTS).map(|(name, _)| *name);
+            let known: Vec<&str> = session.library.steps().map(|s| s.name.as_str()).chain(formulas).collect();
+            if !known.contains(&name) && !std::path::Path::new(name).exists() {
+                let help = match bulbfold::diag::nearest(name, known) {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => "`bulbfold list` shows all names".into(),
+                };
+                return Err(usage(format!("there is no step, fractal or file `{name}`"), &help));
+            }
+            let graph = session.load(name, &[])?.graph;
+            fractal_page(session, &graph)?
+        }
+    };
+    let text = if arguments.markdown { markdown(&blocks, 0) } else { plain(&blocks) };
+    Ok(out.write_all(text.as_bytes())?)
+}
+
+/// What a step's file says of it.
+pub fn step_page(session: &Session, step: &Step) -> Vec<Block> {
+    let mut blocks = vec![Block::Heading(1, step.name.clone()), Block::Text(step.summary.clone())];
+    let state = match step.state {
+        StateWidth::Three => "x, y and z",
+        StateWidth::Four => "x, y, z and w",
+        StateWidth::Any => "all components that the orbit has",
+    };
+    let growth = match step.growth {
+        Some(Growth::Linear) => "by a factor",
+        Some(Growth::Power) => "by a power",
+        None => "not at all",
+    };
+    let rule = match step.scalar_rule {
+        Some(ScalarRule::Exact) => "exact",
+        Some(ScalarRule::Heuristic) => "heuristic: can be exceeded",
+        None => "none",
+    };
+    let facts = [
+        ("Group", step.group.as_str()),
+        ("Source", step.source.as_str()),
+        ("Acts on", state),
+        ("Far out r grows", growth),
+        ("Scalar rule", rule),
+        ("Differentiable", if step.differentiable { "yes" } else { "no: finite differences are taken" }),
+        ("File", session.library.sources.name(step.text)),
+    ];
+    let rows = facts.iter().map(|(name, value)| vec![name.to_string(), value.to_string()]).collect();
+    blocks.push(Block::Table(vec!["Fact", "Value"], rows));
+    if !step.params.is_empty() {
+        blocks.push(Block::Heading(2, "Parameters".into()));
+        let head = vec!["Name", "Type", "Default", "Range", "Unit", "Meaning"];
+        blocks.push(Block::Table(head, step.params.iter().map(param_row).collect()));
+    }
+    if !step.notes.is_empty() {
+        blocks.push(Block::Heading(2, "Notes".into()));
+        blocks.push(Block::Text(step.notes.clone()));
+    }
+    blocks.push(Block::Heading(2, "Examples".into()));
+    let head = vec!["z", "Parameters", "Result", "dr", "dr after"];
+    blocks.push(Block::Table(head, step.examples.iter().map(example_row).collect()));
+    blocks
+}
+
+fn param_row(param: &bulbfold::formula::step::StepParam) -> Vec<String> {
+    let kind = match &param.kind {
+        ParamKind::Float => "float".into(),
+        ParamKind::Int => "int".into(),
+        ParamKind::Bool => "bool".into(),
+        ParamKind::Angle => "angle".into(),
+        ParamKind::Vec3 => "vec3".into(),
+        ParamKind::Mat3 => "mat3".into(),
+        ParamKind::Choice(words) => words.join(" or "),
+    };
+    let range = match param.kind {
+        ParamKind::Bool | ParamKind::Choice(_) => String::new(),
+        _ => format!("{} to {}", param.min, param.max),
+    };
+    vec![param.name.clone(), kind, value_text(&param.default), range, param.unit.clone(), param.help.clone()]
+}
+
+fn value_text(value: &ParamValue) -> String {
+    match value {
+        ParamValue::Number(x) => x.to_string(),
+        ParamValue::Bool(b) => b.to_string(),
+        ParamValue::Word(word) => word.clone(),
+        ParamValue::Vector(v) => numbers(v),
+        ParamValue::Matrix(rows) => rows.iter().map(|row| numbers(row)).collect::<Vec<_>>().join(", "),
+    }
+}
+
+/// Numbers in brackets, rounded where that only hides the last digits.
+fn numbers(values: &[f64]) -> String {
+    let texts: Vec<String> = values.iter().map(|x| number(*x)).collect();
+    format!("({})", texts.join(", "))
+}
+
+fn number(x: f64) -> String {
+    let rounded = format!("{x:.6}").parse::<f64>().unwrap_or(x);
+    if (rounded - x).abs() <= 1e-9 * x.abs().max(1e-3) { rounded.to_string() } else { x.to_string() }
+}
+
+fn example_row(example: &bulbfold::formula::step::StepExample) -> Vec<String> {
+    let mut params: Vec<String> = example.params.iter().map(|(name, v)| format!("{name}: {}", value_text(v))).collect();
+    params.extend(example.c.as_ref().map(|c| format!("c: {}", numbers(c))));
+    let dr = |pick: fn((f64, f64)) -> f64| example.dr.map(|dr| number(pick(dr))).unwrap_or_default();
+    vec![numbers(&example.z), params.join(", "), numbers(&example.expect), dr(|dr| dr.0), dr(|dr| dr.1)]
+}
+
+/// What the step becomes with its default parameters: expressions and WGSL.
+fn code_blocks(session: &Session, step: &Step) -> Result<Vec<Block>, Failure> {
+    let arena = Rc::new(Arena::default());
+    let ty = if step.state == StateWidth::Four { Type::V4 } else { Type::V3 };
+    let ports = vec![Port::new("z", ty), Port::new("c", ty), Port::new("dr", Type::F)];
+    let mut function = Function::new(step.name.clone(), ports);
+    let inputs = function.input_exprs(&arena);
+    let params =
+        step.params.iter().map(|p| (p.name.clone().into(), script_value(&arena, &p.kind, &p.default))).collect();
+    let library = &session.library;
+    let ports = StepInputs { z: inputs[0], c: inputs[1], dr: Some(inputs[2]) };
+    let traced = step.trace(&library.engine, &library.sources, &arena, ports, &params);
+    let traced = traced.map_err(|diagnostic| session.failure(diagnostic))?;
+    function.output("z", traced.z);
+    if let Some(dr) = traced.dr {
+        function.output("dr", dr);
+    }
+    Ok(vec![
+        Block::Heading(2, "Expressions, with default parameters".into()),
+        Block::Code("text", print::listing(&arena, &function, &library.sources)),
+        Block::Heading(2, "WGSL, with default parameters".into()),
+        Block::Code("wgsl", wgsl::write(&arena, &Kernel::Map(function))),
+        Block::Heading(2, "Step file".into()),
+        Block::Code("rust", library.sources.text(step.text).to_string()),
+    ])
+}
+
+fn fractal_page(session: &Session, graph: &ValidGraph) -> Result<Vec<Block>, Failure> {
+    let arena = Rc::new(Arena::default());
+    let composer = Composer { arena: &arena, library: &session.library, graph };
+    let plan = choose(&composer, &EstimateSettings::default()).map_err(|diagnostic| session.failure(diagnostic))?;
+    let mut blocks = vec![Block::Heading(1, graph.name.clone())];
+    blocks.extend((!graph.summary.is_empty()).then(|| Block::Text(graph.summary.clone())));
+    blocks.extend((!graph.source.is_empty()).then(|| Block::Text(format!("Source: {}", graph.source))));
+    if !graph.params.is_empty() {
+        blocks.push(Block::Heading(2, "Parameters".into()));
+        let rows = graph.params.iter().map(|p| {
+            vec![
+                p.name.clone(),
+                p.default.to_string(),
+                format!("{} to {}", p.min, p.max),
+                p.unit.clone(),
+                p.help.clone(),
+            ]
+        });
+        blocks.push(Block::Table(vec!["Name", "Default", "Range", "Unit", "Meaning"], rows.collect()));
+    }
+    blocks.push(Block::Heading(2, "Graph".into()));
+    blocks.push(Block::Code("text", graph_print::listing(graph)));
+    blocks.push(Block::Heading(2, "Distance estimate".into()));
+    let rows = plan.choices.iter().map(|c| {
+        let applicable: Vec<&str> = c.applicable.iter().map(|m| m.name()).collect();
+        vec![c.method.name().into(), c.form.name().into(), number(c.radius), applicable.join(", "), c.reason.clone()]
+    });
+    blocks.push(Block::Table(vec!["Method", "Form", "Radius", "Applicable", "Reason"], rows.collect()));
+    blocks.push(Block::Heading(2, "Camera".into()));
+    let camera = graph.camera.unwrap_or_else(|| shade::frame_automatically(plan.bounding_radius));
+    blocks.push(Block::Text(format!(
+        "{}: position {}, target {}, field of view {} degrees; everything lies within {} of the origin.",
+        if graph.camera.is_some() { "From the file" } else { "Found automatically" },
+        numbers(&camera.position.map(|x| (x * 1e4).round() / 1e4)),
+        numbers(&camera.target),
+        (camera.fov.to_degrees() * 1e4).round() / 1e4,
+        (plan.bounding_radius * 1e4).round() / 1e4,
+    )));
+    Ok(blocks)
+}

@@ -1,0 +1,162 @@
+//! The command line: one file a command.
+//!
+//! In come arguments; out goes a picture, a text or JSON on stdout, and talk on stderr. Every command is a function
+//! from its arguments to a [`Outcome`]; [`main`] alone turns that into an exit code: 0 done, 1 the work failed, 2 bad
+//! usage or input. A reader of stdout that goes away ends a command quietly.
+
+mod arguments;
+mod backend;
+mod compile;
+mod docs;
+mod doctor;
+mod explain;
+mod list;
+mod new;
+mod page;
+mod points;
+mod probe;
+mod progress;
+mod render;
+mod session;
+mod stats;
+// `test.rs` joins when the runner of formula tests does.
+
+use std::io::{self, BufWriter, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+pub use session::Session;
+
+/// Composes hybrid 3D fractals from small formula steps and renders them.
+#[derive(Parser, Debug)]
+#[command(name = "bulbfold", version, max_term_width = 100, after_help = EXAMPLES)]
+struct Cli {
+    /// Also read the steps (*.rhai) of this folder; may be given several times.
+    #[arg(long = "steps", value_name = "DIR", global = true)]
+    step_folders: Vec<PathBuf>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  bulbfold list                                what there is
+  bulbfold render mandelbulb -o bulb.png       a built-in fractal
+  bulbfold new flower && bulbfold render flower.ron
+
+Exit codes: 0 done, 1 the work failed, 2 bad usage or input.";
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    /// Render a picture.
+    Render(Box<render::Arguments>),
+    /// Print a stage of the compiler: graph, expressions, WGSL or CPU tape.
+    Compile(compile::Arguments),
+    /// Print what the formula says at points or along rays, as JSON lines.
+    Probe(probe::Arguments),
+    /// List steps, fractals and scripts.
+    List(list::Arguments),
+    /// Explain a step or a fractal.
+    Explain(explain::Arguments),
+    /// Write a commented formula file to start from.
+    New(new::Arguments),
+    /// Check this machine's back ends against each other.
+    Doctor(doctor::Arguments),
+    /// Write the reference of steps and operators.
+    Docs(docs::Arguments),
+}
+
+/// Why a command did not do its work. The texts end without a newline unless they are rendered diagnostics.
+#[derive(Debug)]
+pub enum Failure {
+    /// Bad usage or input: exit code 2.
+    Usage(String),
+    /// The work failed: exit code 1.
+    Work(String),
+    /// Whoever read stdout has gone; not an error.
+    ClosedPipe,
+}
+
+/// What a command returns.
+pub type Outcome = Result<(), Failure>;
+
+impl From<io::Error> for Failure {
+    /// An error of stdout.
+    fn from(error: io::Error) -> Failure {
+        match error.kind() {
+            io::ErrorKind::BrokenPipe => Failure::ClosedPipe,
+            _ => Failure::Work(message(&format!("cannot write to stdout: {error}"), "")),
+        }
+    }
+}
+
+/// An error message in the form of diagnostics, with help where there is any.
+pub fn message(text: &str, help: &str) -> String {
+    match help {
+        "" => format!("error: {text}"),
+        help => format!("error: {text}\nhelp: {help}"),
+    }
+}
+
+/// A [`Failure::Usage`] with help where there is any.
+pub fn usage(text: impl AsRef<str>, help: &str) -> Failure {
+    Failure::Usage(message(text.as_ref(), help))
+}
+
+/// Runs the program.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let mut out = BufWriter::new(io::stdout().lock());
+    let outcome = run(&cli, &mut out).and_then(|()| out.flush().map_err(Failure::from));
+    let (text, code) = match outcome {
+        Ok(()) | Err(Failure::ClosedPipe) => return ExitCode::SUCCESS,
+        Err(Failure::Usage(text)) => (text, 2),
+        Err(Failure::Work(text)) => {
+            // What was found before the work failed is still worth reading.
+            let _ = out.flush();
+            (text, 1)
+        }
+    };
+    let _ = writeln!(io::stderr(), "{}", text.trim_end());
+    ExitCode::from(code)
+}
+
+fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
+    let folders = &cli.step_folders;
+    match &cli.command {
+        Command::Render(arguments) => render::run(arguments, &mut Session::new(folders)?, out),
+        Command::Compile(arguments) => compile::run(arguments, &mut Session::new(folders)?, out),
+        Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
+        Command::List(arguments) => list::run(arguments, &mut Session::new(folders)?, out),
+        Command::Explain(arguments) => explain::run(arguments, &mut Session::new(folders)?, out),
+        Command::New(arguments) => new::run(arguments),
+        Command::Doctor(arguments) => doctor::run(arguments, &mut Session::new(folders)?, out),
+        Command::Docs(arguments) => docs::run(arguments, &mut Session::new(folders)?, out),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::Cli;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_has_help_and_examples() {
+        for command in Cli::command().get_subcommands() {
+            assert!(command.get_about().is_some(), "{} has no help", command.get_name());
+            let examples = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(examples.matches("bulbfold").count() >= 2, "{} needs two examples", command.get_name());
+            for argument in command.get_arguments().filter(|a| a.get_id() != "help") {
+                assert!(argument.get_help().is_some(), "{} {} has no help", command.get_name(), argument.get_id());
+            }
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! `bulbfold new`: a commented file to start from.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::session::{check_output, talk};
+use super::{Failure, Outcome, message, usage};
+
+/// Arguments of `new`.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  bulbfold new flower && bulbfold render flower.ron
+  bulbfold new my_fold --step -o my_steps/my_fold.rhai")]
+pub struct Arguments {
+    /// Name: letters, digits and _, not starting with a digit
+    name: String,
+    /// Write a step instead of a fractal
+    #[arg(long)]
+    step: bool,
+    /// The file to write [default: NAME.ron, or NAME.rhai for a step]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// A fractal that renders as it is.
+const FRACTAL: &str = include_str!("templates/fractal.ron");
+/// A step whose examples hold as it is.
+const STEP: &str = include_str!("templates/step.rhai");
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Outcome {
+    let name = &arguments.name;
+    let is_word = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    if !is_word || name.starts_with(|c: char| c.is_ascii_digit()) || name.is_empty() {
+        let help = "use letters, digits and _, and do not start with a digit; -o takes any path";
+        return Err(usage(format!("`{name}` cannot be the name of a formula"), help));
+    }
+    let (template, extension) = if arguments.step { (STEP, "rhai") } else { (FRACTAL, "ron") };
+    let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.{extension}")));
+    if path.exists() {
+        return Err(usage(
+            format!("{} is there already and is not overwritten", path.display()),
+            "choose another name with -o",
+        ));
+    }
+    check_output(&path, Some(extension))?;
+    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let text = template.replace("NAME", if arguments.step { &stem } else { name });
+    let file = std::fs::OpenOptions::new().write(true).create_new(true).open(&path);
+    let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|error| Failure::Work(message(&format!("cannot write {}: {error}", path.display()), "")))?;
+    let shown = path.display();
+    talk(&match arguments.step {
+        false => format!("wrote {shown}; next: bulbfold render {shown}"),
+        true => format!("wrote {shown}; formulas beside it can use `{stem}(amount: 1.0)`, others with --steps FOLDER"),
+    });
+    Ok(())
+}

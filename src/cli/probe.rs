@@ -1,0 +1,260 @@
+//! `bulbfold probe`: what a formula says at points and along rays, one JSON object a line, in input order.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::rc::Rc;
+
+use bulbfold::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator};
+use bulbfold::expr::Arena;
+use bulbfold::graph::{Method, ValidGraph};
+use bulbfold::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use bulbfold::march::{MarchSettings, compose_march};
+use clap::{ArgGroup, Args};
+use serde_json::{Map, Value, json};
+
+use super::arguments::{BackendArg, EstimateArgs, FormulaArgs, PrecisionArg, parse_positive, parse_vector};
+use super::backend::{Job, Wanted, run_job};
+use super::points::read_rows;
+use super::{Failure, Outcome, Session, usage};
+
+/// Arguments of `probe`.
+#[derive(Args, Debug)]
+#[command(group = ArgGroup::new("input").required(true).args(["point", "points", "rays"]))]
+#[command(after_help = "\
+Examples:
+  bulbfold probe mandelbulb --point 1.3,0,0 --point -0.5,0.2,1
+  bulbfold probe mandelbox --points points.csv --precision f32
+  bulbfold probe mandelbulb --rays rays.csv --pixel-radius 0.0005 --de gradient
+
+A point gives p, escaped, iterations, z, r and de (every method that applies); a ray gives hit, t (null on a
+miss), estimates and iterations. Numbers that are not finite are null.")]
+pub struct Arguments {
+    #[command(flatten)]
+    formula: FormulaArgs,
+    /// A point in world units; may be given several times
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_vector)]
+    point: Vec<[f64; 3]>,
+    /// Points, a line `x,y,z` each
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "point")]
+    points: Option<PathBuf>,
+    /// Rays, a line `ox,oy,oz,dx,dy,dz` each; directions may have any length
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["point", "points"])]
+    rays: Option<PathBuf>,
+    /// Precision [default: f64]
+    #[arg(long, value_enum)]
+    precision: Option<PrecisionArg>,
+    /// Where to compute
+    #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
+    backend: BackendArg,
+    #[command(flatten)]
+    estimate: EstimateArgs,
+    /// Hit threshold of rays in world units, the same at every distance
+    #[arg(long, value_name = "E", conflicts_with = "pixel_radius", value_parser = parse_positive)]
+    hit_eps: Option<f64>,
+    /// Hit threshold of rays per unit of distance [default: 0.001]
+    #[arg(long, value_name = "R", value_parser = parse_positive)]
+    pixel_radius: Option<f64>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
+    let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
+    let precision = wanted.precision(PrecisionArg::F64)?;
+    let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
+    let arena = Rc::new(Arena::default());
+    let probe = Probe { arguments, session, graph: &graph, arena: &arena, precision };
+    match &arguments.rays {
+        Some(path) => {
+            let rays = read_rows::<6>(path, "an origin and a direction: ox,oy,oz,dx,dy,dz")?;
+            probe.rays(&rays, out)
+        }
+        None => {
+            let points = match &arguments.points {
+                Some(path) => read_rows::<3>(path, "a point: x,y,z")?,
+                None => arguments.point.clone(),
+            };
+            probe.points(&points, out)
+        }
+    }
+}
+
+struct Probe<'a> {
+    arguments: &'a Arguments,
+    session: &'a Session,
+    graph: &'a ValidGraph,
+    arena: &'a Rc<Arena>,
+    precision: PrecisionArg,
+}
+
+impl Probe<'_> {
+    fn composer(&self) -> Composer<'_> {
+        Composer { arena: self.arena, library: &self.session.library, graph: self.graph }
+    }
+
+    fn plan(&self) -> Result<Plan, Failure> {
+        let plan = choose(&self.composer(), &self.arguments.estimate.settings());
+        let plan = plan.map_err(|diagnostic| self.session.failure(diagnostic))?;
+        for warning in &plan.warnings {
+            self.session.warn(warning);
+        }
+        Ok(plan)
+    }
+
+    fn job<J: Job>(&self, job: &mut J) -> Result<J::Output, Failure> {
+        run_job(self.session, self.arguments.backend, self.precision, job).map(|(_, output)| output)
+    }
+
+    fn rays(&self, rays: &[[f64; 6]], out: &mut dyn Write) -> Outcome {
+        let plan = self.plan()?;
+        let estimator = compose_estimator(&self.composer(), &plan.choices, Purpose::March);
+        let estimator = estimator.map_err(|diagnostic| self.session.failure(diagnostic))?;
+        let settings = MarchSettings {
+            fudge: plan.fudge,
+            pixel_radius: self.arguments.pixel_radius.unwrap_or(if self.arguments.hit_eps.is_some() {
+                0.0
+            } else {
+                1e-3
+            }),
+            hit_eps: self.arguments.hit_eps.unwrap_or(0.0),
+            ..MarchSettings::default()
+        };
+        let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
+        let columns = ray_columns(rays, plan.bounding_radius)?;
+        let results = self.job(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })?;
+        let ports = march_output_ports();
+        let column = |name: &str| &results[ports.iter().position(|p| p.name == name).expect("a port of the march")];
+        for i in 0..rays.len() {
+            let hit = Status::from_code(column("status")[i]) == Status::Hit;
+            let t = if hit { column("t")[i].into() } else { Value::Null };
+            let line = json!({
+                "hit": hit, "t": t, "estimates": column("steps")[i] as u64, "iterations": column("iterations")[i] as u64,
+            });
+            writeln!(out, "{line}")?;
+        }
+        Ok(())
+    }
+
+    fn points(&self, points: &[[f64; 3]], out: &mut dyn Write) -> Outcome {
+        let plan = self.plan()?;
+        let applicable: Vec<Method> =
+            Method::ALL.into_iter().filter(|m| plan.choices.iter().all(|c| c.applicable.contains(m))).collect();
+        let smallest = if self.precision == PrecisionArg::F64 { 1e-8 } else { 1e-5 };
+        let first_step = vec![(plan.bounding_radius * 1e-4).max(smallest); points.len()];
+        let mut estimates: Vec<(&str, Vec<f64>)> = Vec::new();
+        let mut orbits = None;
+        for method in applicable {
+            let mut answers = self.estimate(&plan.choices, Some(method), points, &first_step)?;
+            if method == Method::Delta {
+                // The step of finite differences: a hundredth of the estimate itself.
+                let steps: Vec<f64> = answers[0]
+                    .iter()
+                    .map(|de| if de.is_finite() { (de * 0.01).max(smallest) } else { smallest })
+                    .collect();
+                answers = self.estimate(&plan.choices, Some(method), points, &steps)?;
+            }
+            estimates.push((method.name(), answers[0].clone()));
+            // The orbit itself is the same with every method.
+            orbits.get_or_insert(answers);
+        }
+        let orbits = match orbits {
+            Some(orbits) if !plan.choices.is_empty() => orbits,
+            _ => return Err(usage("the fractal has no orbit", "probe needs at least one iterated map")),
+        };
+        let width = self.state_width();
+        for (i, p) in points.iter().enumerate() {
+            let de: Map<String, Value> = estimates.iter().map(|(name, de)| (name.to_string(), de[i].into())).collect();
+            let z: Vec<f64> = orbits[4..4 + width].iter().map(|column| column[i]).collect();
+            let line = json!({
+                "p": p, "escaped": orbits[1][i] < 0.5, "iterations": orbits[2][i] as u64, "z": z, "r": orbits[3][i], "de": de,
+            });
+            writeln!(out, "{line}")?;
+        }
+        Ok(())
+    }
+
+    /// Components of the state of the first orbit.
+    fn state_width(&self) -> usize {
+        let orbits = bulbfold::compose::field_orbits(&self.composer());
+        orbits.first().map_or(3, |orbit| self.graph.state_width(orbit.root) as usize)
+    }
+
+    /// Columns `de, inside, n, r, z` of a method at all points.
+    fn estimate(
+        &self,
+        choices: &[Choice],
+        method: Option<Method>,
+        points: &[[f64; 3]],
+        steps: &[f64],
+    ) -> Result<Vec<Vec<f64>>, Failure> {
+        let choices: Vec<Choice> =
+            choices.iter().map(|c| Choice { method: method.unwrap_or(c.method), ..c.clone() }).collect();
+        let estimator = compose_estimator(&self.composer(), &choices, Purpose::Probe);
+        let kernel = Kernel::Estimate(estimator.map_err(|diagnostic| self.session.failure(diagnostic))?);
+        let mut columns: Vec<Vec<f64>> = (0..3).map(|k| points.iter().map(|p| p[k]).collect()).collect();
+        columns.push(steps.to_vec());
+        columns.push(vec![0.0; points.len()]);
+        self.job(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })
+    }
+}
+
+/// Origin, unit direction and the range inside the bounding sphere, by column. Rays that miss the sphere have an empty
+/// range.
+fn ray_columns(rays: &[[f64; 6]], radius: f64) -> Result<Vec<Vec<f64>>, Failure> {
+    use glam::DVec3;
+    let mut columns = vec![Vec::new(); 8];
+    for (i, ray) in rays.iter().enumerate() {
+        let origin = DVec3::new(ray[0], ray[1], ray[2]);
+        let given = DVec3::new(ray[3], ray[4], ray[5]);
+        let Some(direction) = given.try_normalize() else {
+            return Err(usage(
+                format!("ray {} has the direction {given}", i + 1),
+                "a direction is any vector but 0,0,0",
+            ));
+        };
+        let middle = -origin.dot(direction);
+        let half_sq = radius * radius - (origin + direction * middle).length_squared();
+        let half = half_sq.max(0.0).sqrt();
+        let near = (middle - half).max(0.0);
+        let far = if half_sq < 0.0 { -1.0 } else { middle + half };
+        let values = origin.to_array().into_iter().chain(direction.to_array()).chain([near, far]);
+        for (column, value) in columns.iter_mut().zip(values) {
+            column.push(value);
+        }
+    }
+    Ok(columns)
+}
+
+/// Runs one kernel on columns.
+pub struct KernelJob<'a> {
+    /// Where its nodes are.
+    pub arena: &'a Arena,
+    /// What runs.
+    pub kernel: &'a Kernel,
+    /// Its inputs.
+    pub columns: &'a [Vec<f64>],
+}
+
+impl Job for KernelJob<'_> {
+    type Output = Vec<Vec<f64>>;
+
+    fn run<B: Backend>(&mut self, backend: &B) -> Result<Vec<Vec<f64>>, BackendError> {
+        let prepared = backend.prepare(self.arena, self.kernel)?;
+        let columns = backend.upload(self.columns)?;
+        backend.download(&backend.run(&prepared, &[&columns])?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ray_columns;
+
+    #[test]
+    fn rays_are_clipped_to_the_sphere() {
+        let rays = [[-4.0, 0.0, 0.0, 2.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0, 1.0, 0.0], [0.0, 9.0, 0.0, 1.0, 0.0, 0.0]];
+        let columns = ray_columns(&rays, 1.0).expect("no direction is zero");
+        assert_eq!((columns[3][0], columns[6][0], columns[7][0]), (1.0, 3.0, 5.0));
+        assert_eq!((columns[6][1], columns[7][1]), (0.0, 0.5));
+        assert_eq!(columns[7][2], -1.0);
+        assert!(ray_columns(&[[0.0; 6]], 1.0).is_err());
+    }
+}

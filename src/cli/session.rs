@@ -1,0 +1,110 @@
+//! What most commands share: the library of steps, loading, and talk on stderr.
+
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+
+use bulbfold::diag::{Diagnostic, Diagnostics};
+use bulbfold::formula::library::Library;
+use bulbfold::load::{Loaded, load};
+
+use super::{Failure, usage};
+
+/// A run of the program.
+pub struct Session {
+    /// Steps and texts.
+    pub library: Library,
+    /// Whether stderr takes colour.
+    colour: bool,
+}
+
+impl Session {
+    /// The built-in steps and those of `folders`.
+    pub fn new(folders: &[PathBuf]) -> Result<Session, Failure> {
+        let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+        let colour = std::io::stderr().is_terminal() && !no_colour;
+        let mut session = Session { library: Library::builtin(), colour };
+        let mut d = Diagnostics::default();
+        for folder in folders {
+            session.library.add_folder(folder, &mut d);
+        }
+        session.report(d)?;
+        Ok(session)
+    }
+
+    /// Loads a fractal; its errors are the user's.
+    pub fn load(&mut self, what: &str, set: &[(String, String)]) -> Result<Loaded, Failure> {
+        let mut d = Diagnostics::default();
+        let loaded = load(&mut self.library, what, set, &mut d);
+        self.report(d)?;
+        loaded.ok_or_else(|| usage(format!("cannot load `{what}`"), ""))
+    }
+
+    /// Shows warnings on stderr; errors become a failure.
+    pub fn report(&self, d: Diagnostics) -> Result<(), Failure> {
+        if d.is_empty() {
+            return Ok(());
+        }
+        let text = d.render(&self.library.sources, self.colour);
+        if d.has_errors() {
+            return Err(Failure::Usage(text));
+        }
+        let _ = write!(std::io::stderr(), "{text}");
+        Ok(())
+    }
+
+    /// The failure for an error in a formula that showed only while it was composed.
+    pub fn failure(&self, diagnostic: Diagnostic) -> Failure {
+        let mut d = Diagnostics::default();
+        d.push(diagnostic);
+        Failure::Usage(d.render(&self.library.sources, self.colour))
+    }
+
+    /// Says something on stderr, as a warning.
+    pub fn warn(&self, text: &str) {
+        let mut d = Diagnostics::default();
+        d.push(Diagnostic::warning(text));
+        let _ = write!(std::io::stderr(), "{}", d.render(&self.library.sources, self.colour));
+    }
+}
+
+/// Says something on stderr.
+pub fn talk(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Refuses an output file that could not be written in the end, before any work is done.
+pub fn check_output(path: &Path, extension: Option<&str>) -> Result<(), Failure> {
+    let shown = path.display();
+    if path.is_dir() {
+        return Err(usage(format!("cannot write {shown}: it is a folder"), "give the name of a file: -o FILE"));
+    }
+    if let Some(wanted) = extension
+        && !path.extension().is_some_and(|found| found.eq_ignore_ascii_case(wanted))
+    {
+        return Err(usage(format!("the output {shown} must end in .{wanted}"), &format!("write `-o NAME.{wanted}`")));
+    }
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    if !folder.is_dir() {
+        return Err(usage(format!("cannot write {shown}: there is no folder {}", folder.display()), "create it first"));
+    }
+    // Only trying tells whether a folder takes files, on every system.
+    let trial = folder.join(format!(".bulbfold.{}.tmp", std::process::id()));
+    match std::fs::write(&trial, b"") {
+        Ok(()) => {
+            let _ = std::fs::remove_file(&trial);
+            Ok(())
+        }
+        Err(error) => {
+            Err(usage(format!("cannot write into {}: {error}", folder.display()), "choose another folder with -o"))
+        }
+    }
+}
+
+/// Writes a text beside its target, then renames it.
+pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
+    bulbfold::film::write_beside(path, text.as_bytes())
+        .map_err(|error| Failure::Work(super::message(&format!("cannot write {}: {error}", path.display()), "")))
+}

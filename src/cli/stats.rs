@@ -1,0 +1,114 @@
+//! What a render chose and counted, as a table for people and as JSON for programs.
+
+use std::fmt::Write as _;
+
+use bulbfold::render::{Pipeline, RenderSettings, Stats};
+use serde_json::{Value, json};
+
+/// Version of the JSON object; it grows when a key changes its meaning or goes.
+const VERSION: u32 = 1;
+
+/// Everything there is to tell.
+pub struct Report<'a> {
+    /// Name of the fractal.
+    pub fractal: &'a str,
+    /// The back end that did the work.
+    pub backend: &'a str,
+    /// What was asked for.
+    pub settings: &'a RenderSettings,
+    /// What was chosen.
+    pub pipeline: &'a Pipeline,
+    /// What was counted.
+    pub stats: &'a Stats,
+}
+
+impl Report<'_> {
+    fn pixels(&self) -> f64 {
+        f64::from(self.settings.size.width) * f64::from(self.settings.size.height)
+    }
+
+    /// One JSON object. Times are in seconds, angles in degrees.
+    pub fn json(&self) -> Value {
+        let (stats, plan) = (self.stats, &self.pipeline.plan);
+        let orbits: Vec<Value> = plan
+            .choices
+            .iter()
+            .map(|choice| {
+                json!({
+                    "method": choice.method.name(), "form": choice.form.name(), "radius": choice.radius,
+                    "fudge": choice.fudge, "reason": choice.reason,
+                    "applicable": choice.applicable.iter().map(|m| m.name()).collect::<Vec<_>>(),
+                })
+            })
+            .collect();
+        let camera = &self.pipeline.camera;
+        json!({
+            "version": VERSION,
+            "fractal": self.fractal,
+            "size": [self.settings.size.width, self.settings.size.height],
+            "samples": self.settings.samples,
+            "backend": self.backend,
+            "orbits": orbits,
+            "fudge": plan.fudge,
+            "bounding_radius": plan.bounding_radius,
+            "camera": {
+                "position": camera.position, "target": camera.target, "up": camera.up, "fov": camera.fov.to_degrees(),
+            },
+            "rays": stats.rays,
+            "hits": stats.hits,
+            "unfinished": stats.unfinished,
+            "nan": stats.nan,
+            "march_steps_mean": ratio(stats.estimates as f64, stats.rays as f64),
+            "march_steps_max": stats.max_steps,
+            "iterations_mean": ratio(stats.iterations as f64, stats.estimates as f64),
+            "estimates_per_pixel": {
+                "primary": stats.estimates as f64 / self.pixels(),
+                "shadow": stats.shadow_estimates as f64 / self.pixels(),
+            },
+            "compile_seconds": stats.compile.as_secs_f64(),
+            "render_seconds": stats.render.as_secs_f64(),
+            "warnings": plan.warnings,
+        })
+    }
+
+    /// A table with a row a line.
+    pub fn table(&self) -> String {
+        let (stats, plan) = (self.stats, &self.pipeline.plan);
+        let mut text = String::new();
+        let mut row = |name: &str, value: String| {
+            let _ = writeln!(text, "{name:<20} {value}");
+        };
+        row("back end", self.backend.to_string());
+        for (i, choice) in plan.choices.iter().enumerate() {
+            let radius = if choice.radius > 0.0 { format!(", radius {:.4}", choice.radius) } else { String::new() };
+            let name = if plan.choices.len() == 1 { "estimate".to_string() } else { format!("estimate {}", i + 1) };
+            row(&name, format!("{}, {}{radius}: {}", choice.method.name(), choice.form.name(), choice.reason));
+        }
+        if plan.choices.is_empty() {
+            row("estimate", "own: primitives know their distance".into());
+        }
+        row("fudge", plan.fudge.to_string());
+        row("bounding radius", format!("{:.4}", plan.bounding_radius));
+        let share = |count: u64| format!("{count} ({:.2} %)", 100.0 * ratio(count as f64, stats.rays as f64));
+        row("rays", stats.rays.to_string());
+        row("hits", share(stats.hits));
+        row("unfinished rays", share(stats.unfinished));
+        row("NaN rays", share(stats.nan));
+        let mean = ratio(stats.estimates as f64, stats.rays as f64);
+        row("march steps", format!("{mean:.1} on average, {} at most", stats.max_steps));
+        row("iterations", format!("{:.2} an estimate", ratio(stats.iterations as f64, stats.estimates as f64)));
+        let primary = stats.estimates as f64 / self.pixels();
+        row(
+            "estimates per pixel",
+            format!("{primary:.1} primary, {:.1} shadow", stats.shadow_estimates as f64 / self.pixels()),
+        );
+        row("compile time", format!("{:.3} s", stats.compile.as_secs_f64()));
+        row("render time", format!("{:.3} s", stats.render.as_secs_f64()));
+        text
+    }
+}
+
+/// A quotient that is 0 where there is nothing to divide by.
+fn ratio(a: f64, b: f64) -> f64 {
+    if b > 0.0 { a / b } else { 0.0 }
+}
