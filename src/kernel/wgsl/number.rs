@@ -4,9 +4,9 @@ use crate::expr::Type;
 
 /// Names that generated code must not hide: built-in functions of the operator table and those of `shaders/`.
 const TAKEN: &[&str] = &[
-    "abs", "acos", "asin", "atan2", "bitcast", "bool", "call", "clamp", "cos", "dot", "element", "estimate", "estimates",
+    "Call", "Estimate", "Running", "abs", "acos", "asin", "atan2", "bitcast", "bool", "call", "clamp", "cos", "dot", "element", "estimate", "estimates",
     "exp", "f32", "floor", "fma", "i", "id", "inputs", "is_nan", "keep_running", "listed", "load", "log", "map", "march",
-    "max", "min", "outputs", "pow", "read_state", "running", "select", "sign", "sin", "sqrt", "start", "state", "store",
+    "max", "min", "outputs", "pow", "read_state", "result", "running", "select", "sign", "sin", "sqrt", "start", "state", "store",
     "u32", "vec3", "vec4",
 ];
 
@@ -16,8 +16,9 @@ pub(super) fn identifier(name: &str) -> String {
     if !text.starts_with(|c: char| c.is_ascii_alphabetic()) {
         text.insert(0, 'v');
     }
-    if TAKEN.contains(&text.as_str()) || text.starts_with("bf_") || naga::keywords::wgsl::RESERVED.contains(&text.as_str())
-    {
+    let is_word = |list: &[&str]| list.contains(&text.as_str());
+    let is_ours = text.starts_with("bf_") || text.ends_with("_out");
+    if is_ours || is_word(TAKEN) || is_word(naga::keywords::wgsl::RESERVED) {
         text.push('_');
     }
     text
