@@ -18,7 +18,7 @@ fn gpu() -> Option<Gpu> {
         Ok(gpu) => Some(gpu),
         Err(error) if std::env::var("BULBFOLD_REQUIRE_GPU").is_ok_and(|v| v == "1") => panic!("{error}"),
         Err(error) => {
-            println!("skipped: no GPU adapter ({error})");
+            println!("skipped: {error}"); // "no GPU adapter", and why
             None
         }
     }

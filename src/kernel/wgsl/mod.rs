@@ -1,6 +1,6 @@
 //! WGSL: one complete module for each kernel.
 //!
-//! In come a [`Kernel`] and its arena; out comes the text of a module ([`write`]): a struct and a function for each
+//! In come a [`Kernel`] and its arena; out comes the text of a module ([`write()`]): a struct and a function for each
 //! [`Function`], then the fixed loops from `shaders/`, whose open slots (`$NAME`) are filled. Nothing here fails; the
 //! text of any kernel passes [`validate`], which back ends call before a driver sees it. Temporaries are named after the
 //! operation and its surroundings, so a small change of a formula is a small change of the text.
