@@ -44,6 +44,9 @@ pub fn adapters() -> Vec<AdapterInfoLine> {
 }
 
 /// An instance without validation layers and debug output.
+///
+/// Mesa's implicit layer `device_select` may still complain of a missing `XDG_RUNTIME_DIR` on stderr; a program that sets
+/// `NODEVICE_SELECT=1` in its environment before it starts threads is spared that.
 fn instance() -> wgpu::Instance {
     wgpu::Instance::new(wgpu::InstanceDescriptor {
         flags: wgpu::InstanceFlags::empty(),

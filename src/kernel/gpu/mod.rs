@@ -1,7 +1,7 @@
 //! The GPU back end: generated WGSL, run as compute by wgpu.
 //!
 //! Columns stay in device memory until they are downloaded: one buffer holds all columns of a result, column `j` of
-//! element `i` at `j * len + i`, in single precision. Rays march in slices (see [`program`](self)), so that no dispatch
+//! element `i` at `j * len + i`, in single precision. Rays march in slices (see the modules `program` and `slices`), so that no dispatch
 //! runs long enough for a driver to reset the device. Errors of the device never panic and never reach stderr: every
 //! call gives them back as [`BackendError`]. After [`BackendError::DeviceLost`], [`Gpu::rebuild`] makes a new device; kernels must
 //! then be prepared and columns be uploaded again.
@@ -37,7 +37,7 @@ pub struct GpuColumns {
     len: usize,
 }
 
-/// What went wrong outside any call: the first error is kept.
+/// What went wrong outside any call: the first error, told once, or for ever when the device is lost.
 #[derive(Clone, Default)]
 struct Trouble(Arc<Mutex<Option<BackendError>>>);
 
@@ -47,9 +47,10 @@ impl Trouble {
     }
 
     fn check(&self) -> Result<(), BackendError> {
-        match &*self.0.lock().unwrap_or_else(PoisonError::into_inner) {
-            Some(error) => Err(error.clone()),
-            None => Ok(()),
+        let mut stored = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*stored {
+            Some(BackendError::DeviceLost(text)) => Err(BackendError::DeviceLost(text.clone())),
+            _ => stored.take().map_or(Ok(()), Err),
         }
     }
 }
@@ -98,13 +99,15 @@ impl Gpu {
         let filters = [wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Validation];
         let scopes = filters.map(|filter| self.device.push_error_scope(filter));
         let result = work();
-        let mut first = None;
+        // Use of a buffer for which there was no memory is invalid too: the outer scopes tell the cause.
+        let mut cause = None;
         for scope in scopes.into_iter().rev() {
-            first = first.or(pollster::block_on(scope.pop()));
+            cause = pollster::block_on(scope.pop()).or(cause);
         }
-        // A lost device also makes every later call invalid: that is the less telling error.
+        // A loss is told when the device is polled; without it, calls on a lost device do nothing.
+        let _ = self.device.poll(wgpu::PollType::Poll);
         self.trouble.check()?;
-        match first {
+        match cause {
             Some(error) => Err(backend_error(&error)),
             None => result,
         }
@@ -148,13 +151,16 @@ impl Gpu {
         });
         encoder.copy_buffer_to_buffer(source, 0, &staging, 0, bytes);
         self.queue.submit([encoder.finish()]);
-        let failure = self.trouble.clone();
+        let (sender, mapped) = std::sync::mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |result| {
-            if let Err(error) = result {
-                failure.set(BackendError::DeviceLost(error.to_string()));
-            }
+            let _ = sender.send(result);
         });
         self.wait()?;
+        match mapped.try_recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(BackendError::DeviceLost(error.to_string())),
+            Err(_) => return Err(BackendError::DeviceLost("it did not give its results".into())),
+        }
         let view = staging.get_mapped_range(..).map_err(|error| BackendError::DeviceLost(error.to_string()))?;
         Ok(read(&view))
     }

@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::fmt::Write as _;
-use std::hash::{DefaultHasher, Hash, Hasher};
 
 use super::number::{constant, identifier, suffix};
 use crate::expr::ops::Operator;
@@ -133,7 +132,7 @@ impl<'a> Writer<'a> {
             Op::Apply(operator) => operator.info().name,
         };
         let hash = self.hashes[&id];
-        let base = format!("{word}_{:04x}", hash & 0xffff);
+        let base = format!("{word}_{:04x}", (hash >> 16) & 0xffff);
         let mut name = base.clone();
         let mut copy = 1;
         // Those that are equal as far as the name looks are told apart in order of evaluation.
@@ -212,14 +211,12 @@ impl<'a> Writer<'a> {
 fn local_hashes(arena: &Arena, nodes: &[NodeId], parameters: &[String]) -> HashMap<NodeId, u64> {
     let own = |id: NodeId| {
         let node = arena.node(id);
-        let mut hasher = DefaultHasher::new();
-        match node.op {
-            Op::Input(number) => parameters[usize::from(number)].hash(&mut hasher),
-            Op::Apply(operator) => operator.info().name.hash(&mut hasher),
-            op => op.hash(&mut hasher),
-        }
-        (node.ty.is_bool, node.ty.width).hash(&mut hasher);
-        hasher.finish()
+        let text = match node.op {
+            Op::Input(number) => parameters[usize::from(number)].clone(),
+            Op::Apply(operator) => operator.info().name.to_string(),
+            op => format!("{op:?}"),
+        };
+        fnv1a(format!("{text} {}", node.ty.wgsl()).as_bytes())
     };
     let shallow: HashMap<NodeId, u64> = nodes.iter().map(|&id| (id, own(id))).collect();
     let mut hashes = shallow.clone();
@@ -227,14 +224,16 @@ fn local_hashes(arena: &Arena, nodes: &[NodeId], parameters: &[String]) -> HashM
         hashes = nodes
             .iter()
             .map(|&id| {
-                let mut hasher = DefaultHasher::new();
-                shallow[&id].hash(&mut hasher);
-                for arg in arena.node(id).args() {
-                    hashes[arg].hash(&mut hasher);
-                }
-                (id, hasher.finish())
+                let mut bytes = shallow[&id].to_le_bytes().to_vec();
+                bytes.extend(arena.node(id).args().iter().flat_map(|arg| hashes[arg].to_le_bytes()));
+                (id, fnv1a(&bytes))
             })
             .collect();
     }
     hashes
+}
+
+/// A hash that stays the same from one release of Rust to the next (Fowler, Noll and Vo, 1991).
+fn fnv1a(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }

@@ -1,6 +1,6 @@
 //! WGSL: one complete module for each kernel.
 //!
-//! In come a [`Kernel`] and its arena; out comes the text of a module ([`write`]): a struct and a function for each
+//! In come a [`Kernel`] and its arena; out comes the text of a module ([`write()`]): a struct and a function for each
 //! [`Function`], then the fixed loops from `shaders/`, whose open slots (`$NAME`) are filled. Nothing here fails; the
 //! text of any kernel passes [`validate`], which back ends call before a driver sees it. Temporaries are named after the
 //! operation and its surroundings, so a small change of a formula is a small change of the text.
@@ -28,6 +28,7 @@ use number::{identifier, scalar, suffix};
 
 use super::{BackendError, Estimator, Kernel, March, Orbit, Status, march_state_ports, ray_ports};
 use crate::expr::{Arena, Function, Port, Type};
+use crate::graph::Schedule;
 
 /// Invocations in a workgroup.
 pub const WORKGROUP: u32 = 64;
@@ -283,21 +284,18 @@ fn iteration(orbit: &Orbit) -> String {
     if orbit.items.len() == 1 {
         return call(0);
     }
-    let (prefix, cycle) = (&orbit.schedule.prefix, &orbit.schedule.cycle);
-    let list = |items: &[usize]| items.iter().map(|i| format!("{i}u")).collect::<Vec<_>>().join(", ");
-    let mut text = String::new();
-    let from = prefix.len();
-    let _ = writeln!(text, "var cycle = array<u32, {}>({});", cycle.len(), list(cycle));
-    if from == 0 {
-        let _ = writeln!(text, "let item = cycle[n % {}u];", cycle.len());
-    } else {
-        let _ = writeln!(text, "var prefix = array<u32, {from}>({});", list(prefix));
-        let _ = writeln!(text, "var item = prefix[min(n, {}u)];", from - 1);
-        let _ = writeln!(text, "if n >= {from}u {{\n    item = cycle[(n - {from}u) % {}u];\n}}", cycle.len());
-    }
-    let _ = writeln!(text, "switch item {{");
+    let Schedule { prefix, cycle } = &orbit.schedule;
+    let mut text = match prefix.len() {
+        0 => format!("switch n % {}u {{\n", cycle.len()),
+        from => format!("switch select(n, {from}u + (n - {from}u) % {}u, n >= {from}u) {{\n", cycle.len()),
+    };
+    // One case an item: the places in prefix and cycle where it stands.
+    let places: Vec<usize> = prefix.iter().chain(cycle).copied().collect();
     for item in 1..orbit.items.len() {
-        let _ = writeln!(text, "    case {item}u: {{ {} }}", call(item));
+        let at: Vec<String> = (0..places.len()).filter(|&i| places[i] == item).map(|i| format!("{i}u")).collect();
+        if !at.is_empty() {
+            let _ = writeln!(text, "    case {}: {{ {} }}", at.join(", "), call(item));
+        }
     }
     let _ = write!(text, "    default: {{ {} }}\n}}", call(0));
     text

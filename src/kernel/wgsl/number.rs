@@ -4,6 +4,9 @@ use crate::expr::Type;
 
 /// Names that generated code must not hide: built-in functions of the operator table and those of `shaders/`.
 const TAKEN: &[&str] = &[
+    "Call",
+    "Estimate",
+    "Running",
     "abs",
     "acos",
     "asin",
@@ -36,6 +39,7 @@ const TAKEN: &[&str] = &[
     "outputs",
     "pow",
     "read_state",
+    "result",
     "running",
     "select",
     "sign",
@@ -55,10 +59,9 @@ pub(super) fn identifier(name: &str) -> String {
     if !text.starts_with(|c: char| c.is_ascii_alphabetic()) {
         text.insert(0, 'v');
     }
-    if TAKEN.contains(&text.as_str())
-        || text.starts_with("bf_")
-        || naga::keywords::wgsl::RESERVED.contains(&text.as_str())
-    {
+    let is_word = |list: &[&str]| list.contains(&text.as_str());
+    let is_ours = text.starts_with("bf_") || text.ends_with("_out");
+    if is_ours || is_word(TAKEN) || is_word(naga::keywords::wgsl::RESERVED) {
         text.push('_');
     }
     text

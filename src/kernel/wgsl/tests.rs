@@ -8,8 +8,9 @@ use crate::diag::Diagnostics;
 use crate::expr::ops::Operator;
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::formula::library::Library;
+use crate::graph::Schedule;
 use crate::graph::{EstimateSettings, Method, ValidGraph};
-use crate::kernel::Kernel;
+use crate::kernel::{Estimator, Kernel, Orbit};
 use crate::load::load_text;
 use crate::render::{Pipeline, RenderSettings, compose_pipeline};
 
@@ -79,6 +80,60 @@ fn constants_without_a_literal_are_valid() {
     function.output("vector", arena.v3([f64::INFINITY, -1.0, 0.0]) - x);
     let text = write(&arena, &Kernel::Map(function));
     validate(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+}
+
+/// An estimator whose orbit adds a different power of ten by item, so that its end tells the schedule.
+pub(crate) fn scheduled(arena: &Arena, schedule: Schedule, items: usize, max_iterations: u32) -> Estimator {
+    let state = vec![Port::new("z", Type::F)];
+    let ports = vec![Port::new("z", Type::F), Port::new("n", Type::F)];
+    let mut init = Function::new("sum_init", Estimator::inputs());
+    init.output("z", arena.input(0, Type::V3).component(0));
+    let item = |i: usize| {
+        let mut function = Function::new(format!("sum_iterate_{i}"), ports.clone());
+        let z = arena.input(0, Type::F) + 10f64.powi(i as i32);
+        function.output("z", z);
+        function.output("escaped", arena.f(1e6).lt(z));
+        function
+    };
+    let mut finish = Function::new("sum_finish", ports.clone());
+    finish.output("z", arena.input(0, Type::F));
+    let mut inputs = Estimator::inputs();
+    inputs.extend([Port::new("sum_z", Type::F), Port::new("sum_inside", Type::B), Port::new("sum_n", Type::F)]);
+    let mut combine = Function::new("combine", inputs);
+    combine.output("z", arena.input(3, Type::F));
+    combine.output("inside", arena.input(4, Type::B));
+    combine.output("n", arena.input(5, Type::F));
+    let items = (0..items).map(item).collect();
+    let orbit = Orbit { name: "sum".into(), state, frozen: Vec::new(), init, items, schedule, finish, max_iterations };
+    Estimator { orbits: vec![orbit], combine }
+}
+
+#[test]
+fn schedules_become_switches() {
+    let arena = Arena::default();
+    let schedule = Schedule { prefix: vec![2, 2], cycle: vec![0, 1, 0] };
+    let text = write(&arena, &Kernel::Estimate(scheduled(&arena, schedule, 3, 7)));
+    validate(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    assert!(text.contains("case 3u: { state = sum_iterate_1(state.z, f32(n)); }"), "{text}");
+    assert!(text.contains("case 0u, 1u: { state = sum_iterate_2(state.z, f32(n)); }"), "{text}");
+    let single = write(&arena, &Kernel::Estimate(scheduled(&arena, Schedule::constant(0), 1, 7)));
+    assert!(!single.contains("switch"), "{single}");
+}
+
+#[test]
+fn a_small_change_stays_small() {
+    let text = |factor: f64| {
+        let arena = Arena::default();
+        let mut function = Function::new("f", vec![Port::new("x", Type::F), Port::new("y", Type::F)]);
+        let (x, y) = (arena.input(0, Type::F), arena.input(1, Type::F));
+        let (a, b) = ((x * factor).sin(), (y + 1.0).cos());
+        function.output("a", a * a);
+        function.output("b", b * b + b);
+        write(&arena, &Kernel::Map(function))
+    };
+    let (one, two) = (text(2.0), text(3.0));
+    let different = one.lines().zip(two.lines()).filter(|(a, b)| a != b).count();
+    assert_eq!(different, 2, "the changed line and its use:\n{one}\n{two}");
 }
 
 #[test]
