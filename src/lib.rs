@@ -1,6 +1,7 @@
 //! Bulbfold composes hybrid 3D fractals from a graph of small formula steps and renders them.
 #![warn(missing_docs)]
 
+pub mod check;
 pub mod compose;
 pub mod diag;
 pub mod expr;
