@@ -16,6 +16,8 @@ use crate::kernel::Kernel;
 /// Random points of the derivative checks, and half the side of the box that they lie in.
 const POINTS: usize = 50;
 const REACH: f64 = 2.5;
+/// How far beside an example's point derivatives are checked.
+const BESIDE: f64 = 0.05;
 /// Step of the central differences; the error is of its square, rounding of 1e-16 / 1e-5.
 const DIFFERENCE: f64 = 1e-5;
 /// Relative error of an exact derivative against differences that agree with those of half the step.
@@ -103,13 +105,17 @@ impl StepCase<'_> {
         }
     }
 
-    /// Sets of parameters and points to check derivatives at: each example's with its parameters, and random ones.
+    /// Sets of parameters and points to check derivatives at: random ones, and for each example's parameters points beside
+    /// its own (which often lie on a crease, where a derivative is anyone's choice).
     fn samples(&self, width: u8) -> Vec<(Vec<(String, ParamValue)>, Vec<Vec<f64>>)> {
         let mut random = Random::new(3);
         let points = (0..POINTS).map(|_| (0..width).map(|_| random.range(-REACH, REACH)).collect()).collect();
         let mut samples = vec![(Vec::new(), points)];
         let examples = self.step.examples.iter().filter(|e| e.z.len() == usize::from(width));
-        samples.extend(examples.map(|e| (e.params.clone(), vec![e.z.clone()])));
+        samples.extend(examples.map(|e| {
+            let mut beside = || e.z.iter().map(|x| x + random.range(-BESIDE, BESIDE)).collect();
+            (e.params.clone(), (0..4).map(|_| beside()).collect())
+        }));
         samples
     }
 

@@ -10,7 +10,7 @@ use super::random::Random;
 use super::subject::{Subject, estimator_columns, sphere_range};
 use crate::kernel::{BackendError, Kernel};
 use crate::render::{RenderSettings, compose_pipeline};
-use crate::shade::{CameraFrame, Size, pixel_radius};
+use crate::shade::{CameraFrame, pixel_radius};
 
 /// Samples of a ray that are evaluated at once.
 const CHUNK: usize = 64;
@@ -37,8 +37,12 @@ pub struct Judgement {
     pub hits: usize,
     /// Rays left out.
     pub ambiguous: usize,
-    /// Share of the hits that the march passed or met more than two footprints behind.
+    /// Hits on something thinner than a hit threshold (half a footprint) along the ray: less than a pixel can show.
+    pub thin: usize,
+    /// Share of the hits, without the thin ones, that the march passed or met more than two footprints behind.
     pub missed: f64,
+    /// The same share of the thin hits.
+    pub missed_thin: f64,
     /// Share of the hits that the march met more than two footprints in front.
     pub early: f64,
     /// Median of the depth error of the hits, in footprints (a footprint is a pixel's diameter at the hit).
@@ -90,6 +94,17 @@ impl Walker<'_> {
         let columns = estimator_columns(points, &vec![1e-6; points.len()], 1e-9);
         let out = self.backends.run(Target::CpuF64, self.subject.arena, &self.kernel, &columns)?;
         Ok(out[1].iter().map(|&inside| inside > 0.5).collect())
+    }
+
+    /// Whether the ray stays inside for a hit threshold behind each hit.
+    fn thick(&self, rays: &[Ray], truths: &[Truth]) -> Result<Vec<bool>, BackendError> {
+        const SAMPLES: usize = 8;
+        let mut points = Vec::new();
+        for (ray, truth) in rays.iter().zip(truths) {
+            let t = if let Truth::Hit(t) = truth { *t } else { 0.0 };
+            points.extend((1..=SAMPLES).map(|k| point(*ray, t * (1.0 + self.radius * k as f64 / SAMPLES as f64))));
+        }
+        Ok(self.inside(&points)?.chunks(SAMPLES).map(|inside| inside.iter().all(|&x| x)).collect())
     }
 
     /// First crossings at a share of the usual step.
@@ -146,9 +161,9 @@ fn point((origin, direction): Ray, t: f64) -> [f64; 3] {
 }
 
 /// Marches random rays of the formula's own view with the chosen method in f64 and compares them with the truth.
-pub fn judge(subject: &Subject, rays: usize, size: Size) -> Result<Judgement, String> {
-    let settings = RenderSettings { size, ..RenderSettings::default() };
-    let pipeline = compose_pipeline(&subject.composer(), &settings).map_err(|e| rendered(e, subject.library))?;
+pub fn judge(subject: &Subject, rays: usize, settings: &RenderSettings) -> Result<Judgement, String> {
+    let size = settings.size;
+    let pipeline = compose_pipeline(&subject.composer(), settings).map_err(|e| rendered(e, subject.library))?;
     let camera = pipeline.camera;
     let frame = CameraFrame::new(&camera);
     let radius = pixel_radius(&camera, size);
@@ -169,10 +184,12 @@ pub fn judge(subject: &Subject, rays: usize, size: Size) -> Result<Judgement, St
     }
     let backends = Backends::cpu_only();
     let out = backends.run(Target::CpuF64, subject.arena, &pipeline.march, &columns).map_err(|e| e.to_string())?;
-    Ok(compare(&truths, &out, radius))
+    let kernel = subject.estimator(&subject.plan.choices).map_err(|error| rendered(error, subject.library))?;
+    let thick = Walker { subject, kernel, backends, radius }.thick(&rays, &truths).map_err(|e| e.to_string())?;
+    Ok(compare(&truths, &thick, &out, radius))
 }
 
-fn compare(truths: &[Truth], out: &[Vec<f64>], radius: f64) -> Judgement {
+fn compare(truths: &[Truth], thick: &[bool], out: &[Vec<f64>], radius: f64) -> Judgement {
     let mut judgement = Judgement::default();
     let mut errors = Vec::new();
     for (i, truth) in truths.iter().enumerate() {
@@ -182,14 +199,19 @@ fn compare(truths: &[Truth], out: &[Vec<f64>], radius: f64) -> Judgement {
         let is_hit = out[5][i] == crate::kernel::Status::Hit.code();
         let footprint = 2.0 * radius * truth;
         let error = (out[0][i] - truth) / footprint;
-        judgement.missed += f64::from(u8::from(!is_hit || error > 2.0));
+        let missed = f64::from(u8::from(!is_hit || error > 2.0));
+        match thick[i] {
+            true => judgement.missed += missed,
+            false => judgement.missed_thin += missed,
+        }
+        judgement.thin += usize::from(!thick[i]);
         judgement.early += f64::from(u8::from(is_hit && error < -2.0));
         errors.push(if is_hit { error.abs() } else { f64::INFINITY });
     }
     errors.sort_by(f64::total_cmp);
-    let hits = judgement.hits.max(1) as f64;
-    judgement.missed /= hits;
-    judgement.early /= hits;
+    judgement.missed /= (judgement.hits - judgement.thin).max(1) as f64;
+    judgement.missed_thin /= judgement.thin.max(1) as f64;
+    judgement.early /= judgement.hits.max(1) as f64;
     judgement.median_error = errors.get(errors.len() / 2).copied().unwrap_or(0.0);
     judgement
 }
