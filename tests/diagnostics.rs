@@ -99,7 +99,7 @@ fn not_a_number() {
 
 #[test]
 fn field_where_map_belongs() {
-    graph("field_where_map_belongs", "(\n    nodes: {\n        \"ball\": Sphere(),\n        \"b\": Sequence([\"ball\"]),\n    },\n    output: \"b\",\n)\n");
+    graph("field_where_map_belongs", "(\n    nodes: {\n        \"ball\": Sphere(radius: 1),\n        \"b\": Sequence([\"ball\"]),\n    },\n    output: \"b\",\n)\n");
 }
 
 #[test]

@@ -145,7 +145,10 @@ fn derivatives_are_those_of_finite_differences() {
             // An operator that jumps may jump many times within a difference where an argument is smaller than its step.
             let least = if operator.info().continuous { 0.0 } else { 1e-3 };
             let usable = |x: &f64| x.abs() < 50.0 && (*x == 0.0 || x.abs() >= least);
-            let points: Vec<[f64; 3]> = triples(SPICY).into_iter().filter(|p| p.iter().all(usable)).collect();
+            // A range of no width is a crease from every side.
+            let crease = |p: &[f64; 3]| operator == Operator::Clamp && p[2] <= p[1];
+            let points: Vec<[f64; 3]> =
+                triples(SPICY).into_iter().filter(|p| p.iter().all(usable) && !crease(p)).collect();
             let h = 1e-5;
             let moved = |by: f64| -> Vec<[f64; 3]> {
                 points.iter().map(|p| { let mut p = *p; p[axis] += by; p }).collect()
