@@ -240,7 +240,8 @@ fn alternation_counts_iterations() {
 fn choose_picks_by_radius_and_sign() {
     let text = r#"(nodes: { "y": Choose(when: WHEN, then: scale(scale: 3.0), otherwise: scale(scale: 2.0)) },
         constant: Off, max_iterations: 1, escape_radius: 1e6)"#;
-    let cases: [(&str, fn(P) -> bool); 4] = [
+    type Holds = fn(P) -> bool;
+    let cases: [(&str, Holds); 4] = [
         ("RadiusBelow(1.0)", |p| length(p) < 1.0),
         ("RadiusAbove(1.0)", |p| length(p) > 1.0),
         ("Negative(\"x\")", |p| p[0] < 0.0),
@@ -294,7 +295,8 @@ fn membership_of_combinations_is_that_of_sets() {
     let nodes = r#""ball": Sphere(radius: 1), "cube": Box(centre: (1, 0, 0), half_size: (0.5, 0.6, 0.7))"#;
     let ball = |p: P| length(p) <= 1.0;
     let cube = |p: P| (p[0] - 1.0).abs() <= 0.5 && p[1].abs() <= 0.6 && p[2].abs() <= 0.7;
-    let cases: [(&str, fn(bool, bool) -> bool); 3] = [
+    type Join = fn(bool, bool) -> bool;
+    let cases: [(&str, Join); 3] = [
         (r#"Union(["ball", "cube"])"#, |a, b| a || b),
         (r#"Intersection(["ball", "cube"])"#, |a, b| a && b),
         (r#"Difference(a: "ball", b: "cube")"#, |a, b| a && !b),

@@ -179,7 +179,7 @@ fn random_expression<'g>(arena: &'g Arena, random: &mut Random, depth: u32) -> E
             i => arena.input((i % 3) as u16, Type::F),
         };
     }
-    let mut of = |random: &mut Random| random_expression(arena, random, depth - 1);
+    let of = |random: &mut Random| random_expression(arena, random, depth - 1);
     let (a, b) = (of(random), of(random));
     match random.below(12) {
         0 => a + b,

@@ -25,6 +25,9 @@ const DERIVATIVE_TOLERANCE: f64 = 1e-5;
 /// Relative share that an exact rule may be below the true stretch: rounding of the singular value.
 const BOUND_TOLERANCE: f64 = 1e-6;
 
+/// Parameters that differ from the defaults.
+type Params = Vec<(String, ParamValue)>;
+
 /// A step and where it is traced.
 pub(super) struct StepCase<'a> {
     pub(super) library: &'a Library,
@@ -94,7 +97,8 @@ impl StepCase<'_> {
         let tolerance = example.tolerance + target.step_slack();
         // A fold moves all components alike, so rounding is that of the largest one.
         let size = example.z.iter().chain(&example.expect).fold(1.0, |a: f64, b| a.max(b.abs()));
-        if example.expect.iter().zip(&found).any(|(e, f)| !((e - f).abs() <= tolerance * size)) {
+        let near = |(e, f): (&f64, &f64)| (e - f).abs() <= tolerance * size; // false for NaN
+        if !example.expect.iter().zip(&found).all(near) {
             let text = format!("expected {}, found {}", shown(&example.expect), shown(&found[..width]));
             return Err(format!("step at z = {}: {text} (tolerance {:.1e})", shown(&example.z), tolerance * size));
         }
@@ -107,7 +111,7 @@ impl StepCase<'_> {
 
     /// Sets of parameters and points to check derivatives at: random ones, and for each example's parameters points beside
     /// its own (which often lie on a crease, where a derivative is anyone's choice).
-    fn samples(&self, width: u8) -> Vec<(Vec<(String, ParamValue)>, Vec<Vec<f64>>)> {
+    fn samples(&self, width: u8) -> Vec<(Params, Vec<Vec<f64>>)> {
         let mut random = Random::new(3);
         let points = (0..POINTS).map(|_| (0..width).map(|_| random.range(-REACH, REACH)).collect()).collect();
         let mut samples = vec![(Vec::new(), points)];
@@ -193,7 +197,8 @@ impl StepCase<'_> {
                     let size = wide.abs().max(1.0);
                     // Differences that disagree stand over a crease or a pole; so do one-sided ones that differ.
                     let smooth = (wide - narrow).abs() <= 1e-6 * size && (one_sided - wide).abs() <= 1e-2 * size;
-                    if smooth && !((exact - wide).abs() <= DERIVATIVE_TOLERANCE * size) {
+                    let near = (exact - wide).abs() <= DERIVATIVE_TOLERANCE * size;
+                    if smooth && !near {
                         return Err(format!(
                             "at z = {} with {params:?}: derivative of component {component} along axis {axis}: \
                              expected {wide} (central difference), found {exact}",
@@ -218,7 +223,8 @@ impl StepCase<'_> {
                 for (i, p) in points.iter().enumerate() {
                     let columns: Vec<Vec<f64>> = (0..n).map(|a| (0..n).map(|k| out[n * (1 + a) + k][i]).collect()).collect();
                     let (stretch, rule) = (largest_stretch(&columns), out[n * (1 + n)][i]);
-                    if stretch.is_finite() && !(rule >= stretch * (1.0 - BOUND_TOLERANCE)) {
+                    let bounds = rule >= stretch * (1.0 - BOUND_TOLERANCE);
+                    if stretch.is_finite() && !bounds {
                         return Err(format!(
                             "at z = {} with {params:?}: the rule is marked exact; expected at least the stretch {stretch}, found {rule}",
                             shown(p)
@@ -249,10 +255,9 @@ pub(super) fn largest_stretch(columns: &[Vec<f64>]) -> f64 {
                     row[p] = c * a - s * b;
                     row[q] = s * a + c * b;
                 }
-                for k in 0..n {
-                    let (a, b) = (g[p][k], g[q][k]);
-                    g[p][k] = c * a - s * b;
-                    g[q][k] = s * a + c * b;
+                let (above, below) = g.split_at_mut(q);
+                for (x, y) in above[p].iter_mut().zip(&mut below[0]) {
+                    (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
                 }
             }
         }

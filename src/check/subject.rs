@@ -72,6 +72,13 @@ impl<'a> Subject<'a> {
         Ok(Kernel::Estimate(compose_estimator(&self.composer(), choices, Purpose::March)?))
     }
 
+    /// The estimator with a higher iteration limit, for membership in something nearer to the limit set.
+    pub fn deeper_estimator(&self, more: u32) -> ComposeResult<Kernel> {
+        let graph = self.graph.with_orbit_settings(|settings| settings.max_iterations += more);
+        let composer = Composer { graph: &graph, ..self.composer() };
+        Ok(Kernel::Estimate(compose_estimator(&composer, &self.plan.choices, Purpose::March)?))
+    }
+
     /// The state after a number of iterations, whatever its size: outputs of the probe, `z` the last four.
     pub fn orbit_kernel(&self, iterations: u32) -> ComposeResult<Kernel> {
         let graph = self.graph.with_orbit_settings(|settings| {
