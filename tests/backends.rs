@@ -8,6 +8,17 @@ use bulbfold::graph::Method;
 
 type P = [f64; 3];
 
+thread_local! {
+    /// Opened once a test, since opening a GPU takes longer than a case, and never closed: drivers cannot be while a
+    /// thread ends.
+    static BACKENDS: &'static Backends = Box::leak(Box::new(Backends::new()));
+}
+
+fn backends() -> &'static Backends {
+    BACKENDS.with(|backends| *backends)
+}
+
+
 /// Relative error (absolute below 1) that known answers are checked to. f32: 24 bits through some ten operations and a
 /// logarithm or root; finite differences are given their own.
 fn slack(target: Target, method: Method) -> f64 {
@@ -42,11 +53,11 @@ fn estimates(backends: &Backends, target: Target, subject: &Subject, method: Opt
 fn expect_estimates(text: &str, methods: &[Option<Method>], points: &[P], expected: impl Fn(P) -> f64) {
     let formula = formula(text);
     let subject = formula.subject();
-    let backends = Backends::new();
+    let backends = backends();
     for target in backends.targets() {
         for method in methods {
             let tolerance = slack(target, method.or(subject.method()).unwrap_or(Method::Scalar));
-            for (p, (found, _)) in points.iter().zip(estimates(&backends, target, &subject, *method, points)) {
+            for (p, (found, _)) in points.iter().zip(estimates(backends, target, &subject, *method, points)) {
                 let wanted = expected(*p);
                 let near = (found - wanted).abs() <= tolerance * wanted.abs().max(1.0);
                 assert!(near, "{target:?} {method:?} at {p:?}: expected {wanted}, found {found}\n{text}");
@@ -58,14 +69,14 @@ fn expect_estimates(text: &str, methods: &[Option<Method>], points: &[P], expect
 /// Checks that two formulas have the same estimates and membership.
 fn expect_equal(a: &str, b: &str, points: &[P]) {
     let other = formula(b);
-    let backends = Backends::new();
-    let reference = estimates(&backends, Target::CpuF64, &other.subject(), None, points);
+    let backends = backends();
+    let reference = estimates(backends, Target::CpuF64, &other.subject(), None, points);
     let formula = formula(a);
     let subject = formula.subject();
     for target in backends.targets() {
         // Orbits of several iterations: rounding grows with each.
         let tolerance = if target == Target::CpuF64 { 1e-9 } else { 2e-3 };
-        let found = estimates(&backends, target, &subject, None, points);
+        let found = estimates(backends, target, &subject, None, points);
         for ((p, a), b) in points.iter().zip(found).zip(&reference) {
             let near = (a.0 - b.0).abs() <= tolerance * b.0.abs().max(0.1);
             assert!(near && a.1 == b.1, "{target:?} at {p:?}: {a:?} against {b:?}\n{a:?}\n{text}", text = subject.graph.name);
@@ -85,7 +96,7 @@ fn sphere_has_exact_distance() {
 fn sphere_has_exact_depth_on_every_back_end() {
     let formula = formula(r#"(nodes: { "ball": Sphere(radius: 0.75) })"#);
     let subject = formula.subject();
-    let backends = Backends::new();
+    let backends = backends();
     let rays: Vec<(P, P)> = points(50, 3.0, 3.0)
         .into_iter()
         .zip(points(100, 0.0, 0.7).into_iter().skip(50))
@@ -96,7 +107,7 @@ fn sphere_has_exact_depth_on_every_back_end() {
         .collect();
     for target in backends.targets() {
         let eps = if target == Target::CpuF64 { 1e-8 } else { 1e-4 };
-        let depths = subject.depths(&backends, target, &rays, eps).unwrap().unwrap_or_else(|e| panic!("{}", e.message));
+        let depths = subject.depths(backends, target, &rays, eps).unwrap().unwrap_or_else(|e| panic!("{}", e.message));
         for ((o, d), found) in rays.iter().zip(depths) {
             let b: f64 = (0..3).map(|i| o[i] * d[i]).sum();
             let exact = -b - (b * b - (length(*o).powi(2) - 0.75 * 0.75)).sqrt();
@@ -114,7 +125,7 @@ fn sphere_has_exact_normals() {
     let subject = formula.subject();
     let estimator = compose_estimator(&subject.composer(), &subject.plan.choices, Purpose::Surface);
     let kernel = Kernel::Estimate(estimator.unwrap_or_else(|e| panic!("{}", e.message)));
-    let backends = Backends::new();
+    let backends = backends();
     let points = points(50, 0.7, 0.8);
     let mut columns: Vec<Vec<f64>> = (0..3).map(|i| points.iter().map(|p| p[i]).collect()).collect();
     columns.extend([vec![1e-4; points.len()], vec![1e-4; points.len()]]);
@@ -172,12 +183,12 @@ fn scaling_the_scene_scales_the_estimate() {
         let plain = formula(&boxed(r#""same": Transform(of: "box")"#, "same"));
         let kernel_points = points(100, 0.5, 6.0);
         let scaled: Vec<P> = kernel_points.iter().map(|p| p.map(|x| x * scale)).collect();
-        let backends = Backends::new();
-        let reference = estimates(&backends, Target::CpuF64, &plain.subject(), None, &kernel_points);
+        let backends = backends();
+        let reference = estimates(backends, Target::CpuF64, &plain.subject(), None, &kernel_points);
         let formula = formula(&placed);
         for target in backends.targets() {
             let tolerance = if target == Target::CpuF64 { 1e-9 } else { 1e-4 };
-            for (a, b) in estimates(&backends, target, &formula.subject(), None, &scaled).iter().zip(&reference) {
+            for (a, b) in estimates(backends, target, &formula.subject(), None, &scaled).iter().zip(&reference) {
                 assert!((a.0 - scale * b.0).abs() <= tolerance * (scale * b.0).max(1.0), "{target:?}: {a:?} {b:?}");
             }
         }
