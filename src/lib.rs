@@ -26,7 +26,7 @@
 //! ```
 #![warn(missing_docs)]
 
-//pub mod check;
+pub mod check;
 pub mod compose;
 pub mod diag;
 pub mod expr;

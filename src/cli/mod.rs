@@ -19,7 +19,7 @@ mod progress;
 mod render;
 mod session;
 mod stats;
-// `test.rs` joins when the runner of formula tests does.
+mod test;
 
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
@@ -54,6 +54,8 @@ enum Command {
     Render(Box<render::Arguments>),
     /// Print a stage of the compiler: graph, expressions, WGSL or CPU tape.
     Compile(compile::Arguments),
+    /// Run the tests that formula and step files hold, on every back end.
+    Test(test::Arguments),
     /// Print what the formula says at points or along rays, as JSON lines.
     Probe(probe::Arguments),
     /// List steps, fractals and scripts.
@@ -128,6 +130,7 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
     match &cli.command {
         Command::Render(arguments) => render::run(arguments, &mut Session::new(folders)?, out),
         Command::Compile(arguments) => compile::run(arguments, &mut Session::new(folders)?, out),
+        Command::Test(arguments) => test::run(arguments, &mut Session::new(folders)?, out),
         Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
         Command::List(arguments) => list::run(arguments, &mut Session::new(folders)?, out),
         Command::Explain(arguments) => explain::run(arguments, &mut Session::new(folders)?, out),

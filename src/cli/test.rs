@@ -3,26 +3,45 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use bulbfold::check::{Options, run_paths_with};
 use clap::Args;
 
-use super::{Failure, Outcome, Session, message};
+use super::{Failure, Outcome, Session, message, usage};
 
 /// Arguments of `test`.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Examples:
   bulbfold test flower.ron
-  bulbfold test formulas/fractals my_steps")]
+  bulbfold test formulas/fractals my_steps
+  bulbfold test formulas --filter agrees_on_backends --no-gpu")]
 pub struct Arguments {
     /// Formula files, step files and folders of them
     #[arg(required = true)]
     paths: Vec<PathBuf>,
+    /// Run only the tests whose names contain this
+    #[arg(long, value_name = "TEXT")]
+    filter: Option<String>,
+    /// Leave the GPU out
+    #[arg(long)]
+    no_gpu: bool,
 }
 
-/// Runs the command.
+/// Runs the command. A line is written as each test ends.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    let report = bulbfold::check::run_paths(&mut session.library, &arguments.paths, out)?;
-    match report.failed {
+    if let Some(missing) = arguments.paths.iter().find(|path| !path.exists()) {
+        return Err(usage(format!("there is no file or folder {}", missing.display()), ""));
+    }
+    let options = Options { filter: arguments.filter.clone(), gpu: !arguments.no_gpu };
+    let mut written = Ok(());
+    let report = run_paths_with(&mut session.library, &arguments.paths, &options, &mut |outcome| {
+        if written.is_ok() {
+            written = writeln!(out, "{outcome}").and_then(|()| out.flush());
+        }
+    });
+    written?;
+    report.print_end(out)?;
+    match report.failed() {
         0 => Ok(()),
         count => Err(Failure::Work(message(&format!("{count} tests failed"), ""))),
     }

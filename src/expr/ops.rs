@@ -151,6 +151,11 @@ macro_rules! operators {
 /// Keeps divisions by a length or a square root finite where the derivative has a pole.
 const TINY: f64 = 1e-30;
 
+/// `slope` where `x` is in [-1, 1]; 0 beyond, where the inverse sine and cosine clamp their argument.
+fn inside_unit<'g>(x: Expr<'g>, slope: Expr<'g>) -> Expr<'g> {
+    x.abs().le(x.lift(1.0)).select(slope, x.lift(0.0))
+}
+
 operators! {
     Neg "neg" (a) bools(0, false) continuous(true)
         wgsl "-{0}" help "The negative."
@@ -180,11 +185,11 @@ operators! {
     Asin "asin" (a) bools(0, false) continuous(true)
         wgsl "bf_asin_{t}({0})" help "The inverse sine in radians; the argument is clamped to [-1, 1]."
         evaluate(t) { let one = R::splat(t, 1.0); a.max(-one).min(one).asin() }
-        derivative(x, y, d) { d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt() }
+        derivative(x, y, d) { inside_unit(x[0], d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt()) }
     Acos "acos" (a) bools(0, false) continuous(true)
         wgsl "bf_acos_{t}({0})" help "The inverse cosine in radians; the argument is clamped to [-1, 1]."
         evaluate(t) { let one = R::splat(t, 1.0); a.max(-one).min(one).acos() }
-        derivative(x, y, d) { -(d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt()) }
+        derivative(x, y, d) { inside_unit(x[0], -(d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt())) }
     Exp "exp" (a) bools(0, false) continuous(true)
         wgsl "exp({0})" help "e to the power of the argument."
         evaluate(_t) { a.exp() } derivative(x, y, d) { y * d[0] }

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use rhai::{AST, Dynamic, Engine, EvalAltResult, ParseError, Position, Scope};
 
-use super::symbolic::{self, SYMBOL_NAME, Tracer};
+use super::symbolic::{self, SYMBOL_NAME, Symbol, Tracer};
 use super::value::{Name, Value, ValueKind};
 use crate::diag::{Diagnostic, SourceId, Sources, Span};
 
@@ -125,7 +125,9 @@ fn parse_error(sources: &Sources, id: SourceId, error: &ParseError) -> Diagnosti
 }
 
 fn is_symbolic_condition(error: &EvalAltResult) -> bool {
-    matches!(error, EvalAltResult::ErrorMismatchDataType(_, actual, _) if actual == SYMBOL_NAME)
+    // Conditions are reported with the Rust name of the type, other mismatches with the registered one.
+    let rust_name = std::any::type_name::<Symbol>();
+    matches!(error, EvalAltResult::ErrorMismatchDataType(_, actual, _) if actual == SYMBOL_NAME || actual == rust_name)
 }
 
 /// An engine error as a sentence without its position.

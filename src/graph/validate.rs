@@ -2,7 +2,7 @@
 
 use std::ops::Deref;
 
-use super::{Camera, Graph, Node, NodeKind, NodeRef};
+use super::{Camera, Graph, Node, NodeKind, NodeRef, OrbitSettings};
 use crate::diag::{Diagnostic, Diagnostics};
 use crate::formula::step::StateWidth;
 
@@ -169,6 +169,18 @@ impl ValidGraph {
     pub fn with_camera(mut self, camera: Camera) -> ValidGraph {
         self.0.camera = Some(camera);
         self
+    }
+
+    /// The same graph with other settings of its orbits, for example to follow them past their escape. Wires in the
+    /// settings (`pre`, `post`) must stay those of the graph.
+    pub fn with_orbit_settings(&self, mut change: impl FnMut(&mut OrbitSettings)) -> ValidGraph {
+        let mut graph = self.0.clone();
+        for node in &mut graph.nodes {
+            if let NodeKind::Orbit { settings, .. } = &mut node.kind {
+                change(settings);
+            }
+        }
+        ValidGraph(graph)
     }
 
     /// Components of the orbit state of a map: 4 if any of its steps asks for four.

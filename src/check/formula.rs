@@ -1,0 +1,199 @@
+//! A formula for unit tests: loaded in one line, asked in one line.
+
+use std::fmt;
+use std::path::Path;
+use std::rc::Rc;
+
+use super::backends::{Backends, Target};
+use super::report::Report;
+use super::runner::{Options, run_graph};
+use super::subject::Subject;
+use crate::compose::Plan;
+use crate::diag::{Diagnostic, Diagnostics, SourceId};
+use crate::expr::Arena;
+use crate::formula::library::Library;
+use crate::graph::{Method, ValidGraph};
+use crate::kernel::wgsl;
+use crate::load::{Loaded, load, load_text};
+use crate::render::{RenderSettings, compose_pipeline};
+
+/// Hit threshold of [`Formula::ray`], in world units.
+const RAY_EPS: f64 = 1e-6;
+
+/// Why a formula did not load or compose: the messages as a user sees them.
+#[derive(Clone, PartialEq, Eq)]
+pub struct FormulaError(String);
+
+impl fmt::Display for FormulaError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+// `unwrap` in a test prints the debug form: the same text, since it is made for people.
+impl fmt::Debug for FormulaError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "\n{}", self.0)
+    }
+}
+
+impl std::error::Error for FormulaError {}
+
+/// A formula with everything it needs, computed on the CPU in f64.
+pub struct Formula {
+    library: Library,
+    graph: ValidGraph,
+    arena: Rc<Arena>,
+    text: SourceId,
+    plan: Plan,
+}
+
+impl Formula {
+    /// A built-in fractal.
+    pub fn builtin(name: &str) -> Result<Formula, FormulaError> {
+        Formula::load(|library, d| load(library, name, &[], d))
+    }
+
+    /// A formula file. Steps that lie beside it are read too.
+    pub fn open(path: impl AsRef<Path>) -> Result<Formula, FormulaError> {
+        let path = path.as_ref().display().to_string();
+        Formula::load(|library, d| match Path::new(&path).exists() {
+            true => load(library, &path, &[], d),
+            false => {
+                d.push(Diagnostic::error(format!("there is no file {path}")));
+                None
+            }
+        })
+    }
+
+    /// A formula from its RON text.
+    pub fn from_ron(text: &str) -> Result<Formula, FormulaError> {
+        Formula::load(|library, d| load_text(library, "formula.ron", text, &[], d))
+    }
+
+    /// A built-in fractal or a file with some values changed, each a path such as `power` and a value as RON.
+    pub fn with(what: &str, set: &[(&str, &str)]) -> Result<Formula, FormulaError> {
+        let set: Vec<(String, String)> = set.iter().map(|(k, v)| (k.to_string(), v.to_string())).collect();
+        Formula::load(|library, d| load(library, what, &set, d))
+    }
+
+    fn load(read: impl FnOnce(&mut Library, &mut Diagnostics) -> Option<Loaded>) -> Result<Formula, FormulaError> {
+        let mut library = Library::builtin();
+        let mut d = Diagnostics::default();
+        let loaded = read(&mut library, &mut d);
+        let Some(Loaded { graph, text, .. }) = loaded.filter(|_| !d.has_errors()) else {
+            return Err(FormulaError(d.render(&library.sources, false)));
+        };
+        let arena = Rc::new(Arena::default());
+        let plan = Subject::new(&library, &graph, &arena).map(|subject| subject.plan);
+        match plan {
+            Ok(plan) => Ok(Formula { library, graph, arena, text, plan }),
+            Err(error) => Err(FormulaError(rendered(error, &library))),
+        }
+    }
+
+    /// The formula as the rest of this module takes it.
+    pub fn subject(&self) -> Subject<'_> {
+        Subject { library: &self.library, graph: &self.graph, arena: &self.arena, plan: self.plan.clone() }
+    }
+
+    /// The graph.
+    pub fn graph(&self) -> &ValidGraph {
+        &self.graph
+    }
+
+    /// The file's text among the library's sources.
+    pub fn text(&self) -> SourceId {
+        self.text
+    }
+
+    /// Steps, engine and sources.
+    pub fn library(&self) -> &Library {
+        &self.library
+    }
+
+    /// The methods, forms and extent that are chosen automatically, with their reasons.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Whether the point belongs to the set.
+    pub fn inside(&self, point: [f64; 3]) -> bool {
+        self.estimate_with(point, None).1
+    }
+
+    /// The state of the (first) orbit after this many iterations, which escaping does not stop.
+    ///
+    /// Three or four components. Panics if a step's script fails.
+    pub fn orbit(&self, point: [f64; 3], iterations: u32) -> Vec<f64> {
+        let subject = self.subject();
+        let kernel = self.composed(subject.orbit_kernel(iterations));
+        let states = subject.orbits(&Backends::cpu_only(), Target::CpuF64, &kernel, &[point]);
+        states.expect("the CPU runs every kernel").swap_remove(0)
+    }
+
+    /// The distance estimate of a method at a point, in world units; 0 inside.
+    ///
+    /// Panics if the method does not apply: `plan().choices` says which do.
+    pub fn estimate(&self, point: [f64; 3], method: Method) -> f64 {
+        self.estimate_with(point, Some(method)).0
+    }
+
+    /// The estimate of the method that is chosen automatically.
+    pub fn chosen_estimate(&self, point: [f64; 3]) -> f64 {
+        self.estimate_with(point, None).0
+    }
+
+    fn estimate_with(&self, point: [f64; 3], method: Option<Method>) -> (f64, bool) {
+        let subject = self.subject();
+        let choices = subject.choices(method);
+        let choices = choices.unwrap_or_else(|| panic!("the method {method:?} does not apply to this formula"));
+        let kernel = self.composed(subject.estimator(&choices));
+        let values = subject.estimates(&Backends::cpu_only(), Target::CpuF64, &kernel, &[point]);
+        values.expect("the CPU runs every kernel")[0]
+    }
+
+    /// The depth at which a ray meets the set; `direction` of any length but 0.
+    pub fn ray(&self, origin: [f64; 3], direction: [f64; 3]) -> Option<f64> {
+        let direction = glam::DVec3::from(direction).normalize().to_array();
+        let depths = self.subject().depths(&Backends::cpu_only(), Target::CpuF64, &[(origin, direction)], RAY_EPS);
+        self.composed(depths.expect("the CPU runs every kernel"))[0]
+    }
+
+    /// All kernels of the formula's picture as WGSL that naga has validated.
+    pub fn wgsl(&self) -> String {
+        let composer = self.subject().composer();
+        let pipeline = self.composed(compose_pipeline(&composer, &RenderSettings::default()));
+        let mut all = String::new();
+        for (name, kernel) in pipeline.kernels() {
+            let text = wgsl::write(&self.arena, kernel);
+            if let Err(error) = wgsl::validate(&text) {
+                panic!("kernel {name}: {error}");
+            }
+            all.push_str(&format!("// kernel {name}\n{text}\n"));
+        }
+        all
+    }
+
+    /// Runs the tests that the file holds, on every back end of this machine.
+    pub fn run_tests(&self) -> Report {
+        run_graph(&self.library, &self.graph, self.library.sources.name(self.text), &Options::default())
+    }
+
+    /// Runs the tests that the file holds and panics with the report if any fails.
+    pub fn assert_tests(&self) {
+        let report = self.run_tests();
+        assert!(report.is_ok(), "\n{report}");
+    }
+
+    fn composed<T>(&self, result: Result<T, Diagnostic>) -> T {
+        result.unwrap_or_else(|error| panic!("\n{}", rendered(error, &self.library)))
+    }
+}
+
+/// One message as a user sees it.
+pub(super) fn rendered(error: Diagnostic, library: &Library) -> String {
+    let mut d = Diagnostics::default();
+    d.push(error);
+    d.render(&library.sources, false)
+}

@@ -1,0 +1,33 @@
+//! Testing formulas: what `bulbfold test` runs, and a few lines that unit tests of a user's own formula need.
+//!
+//! In come formula and step files ([`run_paths`]) or one formula ([`Formula`]); out come a [`Report`] or plain numbers.
+//! Every test of a file runs on every back end that the machine has: the f64 interpreter is the reference, wide f32 and
+//! the GPU are compared with what the file says, too. [`truth`] marches without any estimate and judges those that do.
+//!
+//! ```
+//! use bulbfold::check::Formula;
+//! use bulbfold::graph::Method;
+//!
+//! let bulb = Formula::builtin("mandelbulb").unwrap();
+//! assert!(bulb.inside([0.0, 0.0, 0.0]));
+//! assert!(!bulb.inside([2.0, 0.0, 0.0]));
+//! let depth = bulb.ray([0.0, -4.0, 0.0], [0.0, 1.0, 0.0]).expect("the ray meets the bulb");
+//! assert!(bulb.estimate([0.0, -4.0 + 0.9 * depth, 0.0], Method::Gradient) > 0.0);
+//! ```
+
+pub mod backends;
+mod cases;
+mod formula;
+mod random;
+mod report;
+mod runner;
+mod steps;
+mod subject;
+pub mod truth;
+
+pub use backends::{Backends, Target};
+pub use formula::{Formula, FormulaError};
+pub use random::Random;
+pub use report::{Outcome, Report, Verdict};
+pub use runner::{Options, agreement, run_graph, run_paths, run_paths_with};
+pub use subject::Subject;

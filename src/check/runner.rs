@@ -1,0 +1,258 @@
+//! Finds formula and step files and runs what each has to be tested for.
+
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use super::backends::{Backends, Target};
+use super::cases::{Case, applies, label};
+use super::formula::rendered;
+use super::report::{Outcome, Report, Verdict};
+use super::steps::StepCase;
+use super::subject::Subject;
+use crate::diag::{Diagnostics, Sources, Span};
+use crate::expr::Arena;
+use crate::formula::library::Library;
+use crate::formula::step::{ScalarRule, Step};
+use crate::graph::ValidGraph;
+use crate::kernel::wgsl;
+use crate::load::load;
+use crate::render::{RenderSettings, compose_pipeline};
+
+/// Set to 1, a machine without a GPU adapter fails its tests instead of leaving them out.
+const REQUIRE_GPU: &str = "BULBFOLD_REQUIRE_GPU";
+
+/// What to run.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Options {
+    /// Only tests whose names contain this.
+    pub filter: Option<String>,
+    /// Whether to look for a GPU.
+    pub gpu: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { filter: None, gpu: true }
+    }
+}
+
+/// Runs the tests of all formula files (`*.ron`) and step files (`*.rhai` with `fn step`) among `paths` and in its folders.
+///
+/// A file that does not load is a failed test with its messages. A path that does not exist is one, too.
+pub fn run_paths(library: &mut Library, paths: &[PathBuf], options: &Options) -> Report {
+    run_paths_with(library, paths, options, &mut |_| {})
+}
+
+/// As [`run_paths`]; `progress` is told of each test as it ends.
+pub fn run_paths_with(
+    library: &mut Library,
+    paths: &[PathBuf],
+    options: &Options,
+    progress: &mut dyn FnMut(&Outcome),
+) -> Report {
+    let mut runner = Runner::new(options, progress);
+    for path in paths {
+        let mut files = Vec::new();
+        find_files(path, &mut files);
+        if files.is_empty() {
+            let why =
+                if path.exists() { "it holds no formula or step file" } else { "there is no such file or folder" };
+            runner.run(path.display().to_string(), None, || Err(why.into()));
+        }
+        for file in files {
+            runner.file(library, &file, &shown_name(path, &file));
+        }
+    }
+    runner.finish()
+}
+
+/// Runs the tests of one graph, whose file is called `name`.
+pub fn run_graph(library: &Library, graph: &ValidGraph, name: &str, options: &Options) -> Report {
+    let mut progress = |_: &Outcome| {};
+    let mut runner = Runner::new(options, &mut progress);
+    runner.graph(library, graph, name);
+    runner.finish()
+}
+
+/// `*.ron` and step files of a folder and the folders in it, in order; a file is itself.
+fn find_files(path: &Path, files: &mut Vec<PathBuf>) {
+    if path.is_dir() {
+        let mut entries: Vec<_> = std::fs::read_dir(path).into_iter().flatten().flatten().map(|e| e.path()).collect();
+        entries.sort();
+        for entry in entries {
+            // A link may lead back up; formula folders have no need of them.
+            let wanted = entry.is_dir() || entry.extension().is_some_and(|e| e == "ron") || is_step(&entry);
+            if wanted && !entry.is_symlink() {
+                find_files(&entry, files);
+            }
+        }
+    } else if path.is_file() {
+        files.push(path.to_path_buf());
+    }
+}
+
+fn is_step(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "rhai")
+        && std::fs::read_to_string(path).is_ok_and(|text| text.contains("fn step("))
+}
+
+/// A file's name below the folder that was asked for; the path as given where it is that file.
+fn shown_name(asked: &Path, file: &Path) -> String {
+    match file.strip_prefix(asked) {
+        Ok(rest) if rest.components().next().is_some() => rest.display().to_string(),
+        _ => file.display().to_string(),
+    }
+}
+
+/// `file:line` of a place.
+fn place_of(sources: &Sources, span: Span) -> Option<String> {
+    let (line, _) = sources.line_col(span)?;
+    Some(format!("{}:{line}", sources.name(span.source)))
+}
+
+struct Runner<'a> {
+    options: &'a Options,
+    backends: Backends,
+    report: Report,
+    start: Instant,
+    progress: &'a mut dyn FnMut(&Outcome),
+}
+
+impl<'a> Runner<'a> {
+    fn new(options: &'a Options, progress: &'a mut dyn FnMut(&Outcome)) -> Runner<'a> {
+        let start = Instant::now();
+        let backends = if options.gpu { Backends::new() } else { Backends::cpu_only() };
+        let mut runner = Runner { options, backends, report: Report::default(), start, progress };
+        if let (true, Some(why)) = (options.gpu, runner.backends.why_no_gpu().map(str::to_string)) {
+            let required = std::env::var(REQUIRE_GPU).is_ok_and(|v| v == "1");
+            let verdict = if required { Verdict::Failed(why) } else { Verdict::Skipped(why) };
+            runner.record("gpu".into(), None, verdict, Duration::ZERO);
+        }
+        runner
+    }
+
+    fn finish(mut self) -> Report {
+        self.report.time = self.start.elapsed();
+        self.report
+    }
+
+    fn record(&mut self, name: String, place: Option<String>, verdict: Verdict, time: Duration) {
+        let outcome = Outcome { name, verdict, time, place };
+        (self.progress)(&outcome);
+        self.report.outcomes.push(outcome);
+    }
+
+    fn run(&mut self, name: String, place: Option<String>, test: impl FnOnce() -> Result<(), String>) {
+        if self.options.filter.as_ref().is_some_and(|filter| !name.contains(filter)) {
+            return;
+        }
+        let start = Instant::now();
+        let verdict = test().map_or_else(Verdict::Failed, |()| Verdict::Passed);
+        self.record(name, place, verdict, start.elapsed());
+    }
+
+    /// Whether any test of a file can pass the filter; a filter may name a file or what comes after it.
+    fn wants(&self, names: &[String]) -> bool {
+        self.options.filter.as_ref().is_none_or(|filter| names.iter().any(|name| name.contains(filter)))
+    }
+
+    fn file(&mut self, library: &mut Library, file: &Path, name: &str) {
+        if is_step(file) {
+            return self.step_file(library, file, name);
+        }
+        let mut d = Diagnostics::default();
+        match load(library, &file.display().to_string(), &[], &mut d) {
+            Some(loaded) => self.graph(library, &loaded.graph, name),
+            None => self.run(format!("{name}::loads"), None, || Err(d.render(&library.sources, false))),
+        }
+    }
+
+    fn graph(&mut self, library: &Library, graph: &ValidGraph, name: &str) {
+        let targets = self.backends.targets();
+        let wgsl_name = format!("{name}::wgsl");
+        let mut cases = Vec::new();
+        for test in &graph.tests {
+            for target in targets.iter().filter(|target| applies(&test.kind, **target)) {
+                cases.push((format!("{name}::{}::{}", label(&test.kind), target.name()), test, *target));
+            }
+        }
+        let names: Vec<String> = cases.iter().map(|(name, ..)| name.clone()).chain([wgsl_name.clone()]).collect();
+        if !self.wants(&names) {
+            return;
+        }
+        let arena = Rc::new(Arena::default());
+        let subject = match Subject::new(library, graph, &arena) {
+            Ok(subject) => subject,
+            Err(error) => return self.run(format!("{name}::composes"), None, || Err(rendered(error, library))),
+        };
+        self.run(wgsl_name, None, || check_wgsl(&subject));
+        for (name, test, target) in cases {
+            let place = place_of(&library.sources, test.span);
+            let backends = std::mem::replace(&mut self.backends, Backends::cpu_only());
+            let case = Case { subject: &subject, backends: &backends, target };
+            self.run(name, place, || case.check(&test.kind));
+            self.backends = backends;
+        }
+    }
+
+    fn step_file(&mut self, library: &mut Library, file: &Path, name: &str) {
+        let mut d = Diagnostics::default();
+        library.add_beside(file.parent().unwrap_or(Path::new(".")), &mut d);
+        let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let text = std::fs::read_to_string(file).unwrap_or_default();
+        let step = library.step(&stem).filter(|step| library.sources.text(step.text) == text).cloned();
+        match step {
+            Some(step) => self.step(library, &step, name),
+            None => self.run(format!("{name}::loads"), None, || Err(d.render(&library.sources, false))),
+        }
+    }
+
+    fn step(&mut self, library: &Library, step: &Step, name: &str) {
+        let backends = std::mem::replace(&mut self.backends, Backends::cpu_only());
+        let case = StepCase { library, step, backends: &backends };
+        if step.examples.is_empty() {
+            self.run(format!("{name}::examples"), None, || {
+                Err("expected at least one worked example, found none".into())
+            });
+        }
+        for (i, example) in step.examples.iter().enumerate() {
+            for target in backends.targets() {
+                let place = Some(example_place(library, step, i));
+                let name = format!("{name}::example {}::{}", i + 1, target.name());
+                self.run(name, place, || case.example(example, target));
+            }
+        }
+        if step.differentiable {
+            self.run(format!("{name}::derivative::cpu_f64"), None, || case.derivative());
+        }
+        if step.scalar_rule == Some(ScalarRule::Exact) && step.differentiable {
+            self.run(format!("{name}::rule_is_bound::cpu_f64"), None, || case.bound());
+        }
+        self.backends = backends;
+    }
+}
+
+/// The line of an example: examples are counted by their `expect:` fields.
+fn example_place(library: &Library, step: &Step, index: usize) -> String {
+    let text = library.sources.text(step.text);
+    let at = text.match_indices("expect:").nth(index).map_or(0, |(at, _)| at);
+    let line = text[..at].matches('\n').count() + 1;
+    format!("{}:{line}", library.sources.name(step.text))
+}
+
+/// Writes all kernels of a picture as WGSL and lets naga validate them.
+fn check_wgsl(subject: &Subject) -> Result<(), String> {
+    let composer = subject.composer();
+    let pipeline =
+        compose_pipeline(&composer, &RenderSettings::default()).map_err(|error| rendered(error, subject.library))?;
+    for (name, kernel) in pipeline.kernels() {
+        wgsl::validate(&wgsl::write(subject.arena, kernel)).map_err(|error| format!("kernel {name}: {error}"))?;
+    }
+    Ok(())
+}
+
+/// The share of pixels of a small picture on which a back end agrees with the reference (see `AgreesOnBackends`).
+pub fn agreement(subject: &Subject, backends: &Backends, target: Target) -> Result<f64, String> {
+    super::cases::agreement(subject, backends, target)
+}

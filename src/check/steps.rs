@@ -1,0 +1,265 @@
+//! Tests of step files: worked examples on every back end, and what the exact derivative says of both functions.
+
+use std::rc::Rc;
+
+use rhai::Map;
+
+use super::backends::{Backends, Target};
+use super::cases::expect_near;
+use super::formula::rendered;
+use super::random::Random;
+use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
+use crate::formula::library::Library;
+use crate::formula::step::{ParamValue, StateWidth, Step, StepExample, StepInputs, Traced, script_value};
+use crate::kernel::Kernel;
+
+/// Random points of the derivative checks, and half the side of the box that they lie in.
+const POINTS: usize = 50;
+const REACH: f64 = 2.5;
+/// How far beside an example's point derivatives are checked.
+const BESIDE: f64 = 0.05;
+/// Step of the central differences; the error is of its square, rounding of 1e-16 / 1e-5.
+const DIFFERENCE: f64 = 1e-5;
+/// Relative error of an exact derivative against differences that agree with those of half the step.
+const DERIVATIVE_TOLERANCE: f64 = 1e-5;
+/// Relative share that an exact rule may be below the true stretch: rounding of the singular value.
+const BOUND_TOLERANCE: f64 = 1e-6;
+
+/// Parameters that differ from the defaults.
+type Params = Vec<(String, ParamValue)>;
+
+/// A step and where it is traced.
+pub(super) struct StepCase<'a> {
+    pub(super) library: &'a Library,
+    pub(super) step: &'a Step,
+    pub(super) backends: &'a Backends,
+}
+
+/// State widths that a step is checked with.
+fn widths(step: &Step) -> &'static [u8] {
+    match step.state {
+        StateWidth::Three => &[3],
+        StateWidth::Four => &[4],
+        StateWidth::Any => &[3, 4],
+    }
+}
+
+/// Length of what an error message shows of a vector.
+fn shown(v: &[f64]) -> String {
+    format!("{v:?}")
+}
+
+impl StepCase<'_> {
+    fn params(&self, arena: &Rc<Arena>, given: &[(String, ParamValue)]) -> Map {
+        let mut map = Map::new();
+        for param in &self.step.params {
+            let value = given.iter().find(|(name, _)| *name == param.name).map_or(&param.default, |(_, value)| value);
+            map.insert(param.name.as_str().into(), script_value(arena, &param.kind, value));
+        }
+        map
+    }
+
+    fn trace<'g>(
+        &self,
+        arena: &'g Rc<Arena>,
+        width: u8,
+        params: &[(String, ParamValue)],
+        with_dr: bool,
+    ) -> Result<(Vec<Port>, Traced<'g>), String> {
+        let ty = Type::F.with_width(width);
+        let ports = vec![Port::new("z", ty), Port::new("c", ty), Port::new("dr", Type::F)];
+        let inputs =
+            StepInputs { z: arena.input(0, ty), c: arena.input(1, ty), dr: with_dr.then(|| arena.input(2, Type::F)) };
+        let map = self.params(arena, params);
+        let traced = self.step.trace(&self.library.engine, &self.library.sources, arena, inputs, &map);
+        traced.map(|traced| (ports, traced)).map_err(|error| rendered(error, self.library))
+    }
+
+    /// One worked example on one back end.
+    pub(super) fn example(&self, example: &StepExample, target: Target) -> Result<(), String> {
+        let arena = Rc::new(Arena::default());
+        let width = example.z.len();
+        let (ports, traced) = self.trace(&arena, width as u8, &example.params, example.dr.is_some())?;
+        let mut function = Function::new("step", ports);
+        function.output("z", traced.z);
+        if let Some(dr) = traced.dr {
+            function.output("dr", dr);
+        }
+        let mut c = example.c.clone().unwrap_or_default();
+        c.resize(width, 0.0);
+        let dr = example.dr.map_or(1.0, |(before, _)| before);
+        let columns: Vec<Vec<f64>> = example.z.iter().chain(&c).chain([&dr]).map(|x| vec![*x]).collect();
+        let out = self.backends.run(target, &arena, &Kernel::Map(function), &columns).map_err(|e| e.to_string())?;
+        let found: Vec<f64> = out.iter().map(|column| column[0]).collect();
+        let tolerance = example.tolerance + target.step_slack();
+        // A fold moves all components alike, so rounding is that of the largest one.
+        let size = example.z.iter().chain(&example.expect).fold(1.0, |a: f64, b| a.max(b.abs()));
+        let near = |(e, f): (&f64, &f64)| (e - f).abs() <= tolerance * size; // false for NaN
+        if !example.expect.iter().zip(&found).all(near) {
+            let text = format!("expected {}, found {}", shown(&example.expect), shown(&found[..width]));
+            return Err(format!("step at z = {}: {text} (tolerance {:.1e})", shown(&example.z), tolerance * size));
+        }
+        match (example.dr, found.get(width)) {
+            (Some((_, expected)), Some(found)) => expect_near("dr", *found, expected, tolerance),
+            (Some(_), None) => Err("the example gives `dr`, but the step has no scalar rule".into()),
+            (None, _) => Ok(()),
+        }
+    }
+
+    /// Sets of parameters and points to check derivatives at: random ones, and for each example's parameters points beside
+    /// its own (which often lie on a crease, where a derivative is anyone's choice).
+    fn samples(&self, width: u8) -> Vec<(Params, Vec<Vec<f64>>)> {
+        let mut random = Random::new(3);
+        let points = (0..POINTS).map(|_| (0..width).map(|_| random.range(-REACH, REACH)).collect()).collect();
+        let mut samples = vec![(Vec::new(), points)];
+        let examples = self.step.examples.iter().filter(|e| e.z.len() == usize::from(width));
+        samples.extend(examples.map(|e| {
+            let mut beside = || e.z.iter().map(|x| x + random.range(-BESIDE, BESIDE)).collect();
+            (e.params.clone(), (0..4).map(|_| beside()).collect())
+        }));
+        samples
+    }
+
+    /// The automatic derivative against central differences, away from creases.
+    pub(super) fn derivative(&self) -> Result<(), String> {
+        for &width in widths(self.step) {
+            for (params, points) in self.samples(width) {
+                self.derivative_at(width, &params, &points)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn jacobian_function(
+        &self,
+        arena: &Rc<Arena>,
+        width: u8,
+        params: &[(String, ParamValue)],
+        with_dr: bool,
+    ) -> Result<Function, String> {
+        let (ports, traced) = self.trace(arena, width, params, with_dr)?;
+        let mut function = Function::new("jacobian", ports);
+        function.output("z", traced.z);
+        let z = arena.input(0, Type::F.with_width(width));
+        for i in 0..width {
+            let mut axis = [0.0; 4];
+            axis[usize::from(i)] = 1.0;
+            let seeds: [(Expr, Expr); 1] = [(z, arena.constant(z.ty(), axis))];
+            function.output(format!("j_{i}"), Differentiator::new(arena, &seeds).derivative(traced.z));
+        }
+        if let Some(dr) = traced.dr {
+            function.output("dr", dr);
+        }
+        Ok(function)
+    }
+
+    /// Columns of inputs for states, with a fixed constant and a running derivative of 1.
+    fn columns(width: u8, states: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let mut columns: Vec<Vec<f64>> =
+            (0..usize::from(width)).map(|i| states.iter().map(|z| z[i]).collect()).collect();
+        columns.extend([0.3, -0.2, 0.45, 0.1].iter().take(usize::from(width)).map(|c| vec![*c; states.len()]));
+        columns.push(vec![1.0; states.len()]);
+        columns
+    }
+
+    fn derivative_at(&self, width: u8, params: &[(String, ParamValue)], points: &[Vec<f64>]) -> Result<(), String> {
+        let arena = Rc::new(Arena::default());
+        let function = self.jacobian_function(&arena, width, params, false)?;
+        let n = usize::from(width);
+        // Each point, then along each axis four moves: -h, +h, -h/2, +h/2.
+        let mut states = Vec::new();
+        for p in points {
+            states.push(p.clone());
+            let h = DIFFERENCE * p.iter().fold(1.0, |a: f64, b| a.max(b.abs()));
+            for axis in 0..n {
+                for offset in [-h, h, -h / 2.0, h / 2.0] {
+                    let mut moved = p.clone();
+                    moved[axis] += offset;
+                    states.push(moved);
+                }
+            }
+        }
+        let kernel = Kernel::Map(function);
+        let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns(width, &states));
+        let out = out.map_err(|e| e.to_string())?;
+        let each = 1 + 4 * n;
+        for (i, p) in points.iter().enumerate() {
+            for axis in 0..n {
+                for component in 0..n {
+                    let value = |k: usize| out[component][i * each + 1 + 4 * axis + k];
+                    let h = DIFFERENCE * p.iter().fold(1.0, |a: f64, b| a.max(b.abs()));
+                    let (wide, narrow) = ((value(1) - value(0)) / (2.0 * h), (value(3) - value(2)) / h);
+                    let one_sided = (out[component][i * each] - value(0)) / h;
+                    let exact = out[n * (1 + axis) + component][i * each];
+                    let size = wide.abs().max(1.0);
+                    // Differences that disagree stand over a crease or a pole; so do one-sided ones that differ.
+                    let smooth = (wide - narrow).abs() <= 1e-6 * size && (one_sided - wide).abs() <= 1e-2 * size;
+                    let near = (exact - wide).abs() <= DERIVATIVE_TOLERANCE * size;
+                    if smooth && !near {
+                        return Err(format!(
+                            "at z = {} with {params:?}: derivative of component {component} along axis {axis}: \
+                             expected {wide} (central difference), found {exact}",
+                            shown(p)
+                        ));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A rule that calls itself exact is never below the largest stretch of the differentiated map.
+    pub(super) fn bound(&self) -> Result<(), String> {
+        for &width in widths(self.step) {
+            for (params, points) in self.samples(width) {
+                let arena = Rc::new(Arena::default());
+                let kernel = Kernel::Map(self.jacobian_function(&arena, width, &params, true)?);
+                let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns(width, &points));
+                let out = out.map_err(|e| e.to_string())?;
+                let n = usize::from(width);
+                for (i, p) in points.iter().enumerate() {
+                    let columns: Vec<Vec<f64>> =
+                        (0..n).map(|a| (0..n).map(|k| out[n * (1 + a) + k][i]).collect()).collect();
+                    let (stretch, rule) = (largest_stretch(&columns), out[n * (1 + n)][i]);
+                    let bounds = rule >= stretch * (1.0 - BOUND_TOLERANCE);
+                    if stretch.is_finite() && !bounds {
+                        return Err(format!(
+                            "at z = {} with {params:?}: the rule is marked exact; expected at least the stretch {stretch}, found {rule}",
+                            shown(p)
+                        ));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The largest singular value of a square matrix given by columns, by Jacobi rotations of the Gram matrix.
+pub(super) fn largest_stretch(columns: &[Vec<f64>]) -> f64 {
+    let n = columns.len();
+    let mut g: Vec<Vec<f64>> = (0..n)
+        .map(|i| (0..n).map(|j| columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum()).collect())
+        .collect();
+    for _ in 0..30 {
+        for p in 0..n {
+            for q in p + 1..n {
+                if g[p][q] == 0.0 {
+                    continue;
+                }
+                let angle = 0.5 * (2.0 * g[p][q]).atan2(g[q][q] - g[p][p]);
+                let (s, c) = angle.sin_cos();
+                for row in &mut g {
+                    let (a, b) = (row[p], row[q]);
+                    row[p] = c * a - s * b;
+                    row[q] = s * a + c * b;
+                }
+                let (above, below) = g.split_at_mut(q);
+                for (x, y) in above[p].iter_mut().zip(&mut below[0]) {
+                    (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
+                }
+            }
+        }
+    }
+    (0..n).map(|i| g[i][i]).fold(0.0, f64::max).sqrt()
+}
