@@ -6,6 +6,7 @@
 
 use std::collections::HashMap;
 
+use super::ops::Operator;
 use super::{Arena, Expr, NodeId, Op, Type};
 
 /// Differentiates nodes of one arena, given the tangents of some nodes (usually inputs).
@@ -68,6 +69,7 @@ impl<'g> Differentiator<'g> {
             Op::Splat => vec![d[0][0]; width],
             Op::Extract(i) => vec![d[0][i as usize]],
             Op::Dot => vec![self.dot(&x, &d)],
+            Op::Apply(Operator::Mul) if self.scaled_factor(&x).is_some() => self.scaled_product(&x),
             Op::Apply(operator) => (0..width)
                 .map(|i| {
                     let x: Vec<_> = x.iter().map(|x| x.component(i as u8)).collect();
@@ -79,6 +81,34 @@ impl<'g> Differentiator<'g> {
                 })
                 .collect(),
         }
+    }
+
+    /// A factor that is itself a constant times something: `(k a) b`. Gives k, a and b.
+    fn scaled_factor(&self, x: &[Expr<'g>]) -> Option<(Expr<'g>, Expr<'g>, Expr<'g>)> {
+        [(x[0], x[1]), (x[1], x[0])].into_iter().find_map(|(scaled, b)| {
+            let node = scaled.node();
+            if node.op != Op::Apply(Operator::Mul) {
+                return None;
+            }
+            let (p, q) = (self.arena.expr(node.args()[0]), self.arena.expr(node.args()[1]));
+            let (k, a) = if p.as_constant().is_some() { (p, q) } else { (q, p) };
+            (k.as_constant().is_some() && a.as_constant().is_none()).then_some((k, a, b))
+        })
+    }
+
+    /// The tangents of `(k a) b` as `(k a) db + (k b) da`: the factors are scalars that the value has or shares, so no
+    /// tangent is multiplied by k.
+    fn scaled_product(&self, x: &[Expr<'g>]) -> Vec<Expr<'g>> {
+        let Some((k, a, b)) = self.scaled_factor(x) else { return Vec::new() };
+        let scaled = [k * a, k * b];
+        let component = |i: usize| {
+            let (da, db) = (self.known[&a.id][i], self.known[&b.id][i]);
+            if a.id == b.id {
+                return da * ((scaled[0] + scaled[0]).component(i as u8));
+            }
+            db * scaled[0].component(i as u8) + da * scaled[1].component(i as u8)
+        };
+        (0..x[0].ty().width as usize).map(component).collect()
     }
 
     /// The tangent of a scalar product.

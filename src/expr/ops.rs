@@ -39,7 +39,7 @@ pub struct Operands {
     /// Where each component goes.
     pub dst: [u16; 4],
     /// Registers of each argument's components.
-    pub args: [[u16; 4]; 3],
+    pub args: [[u16; 4]; 4],
 }
 
 /// One register: `K` vectors of lanes.
@@ -250,15 +250,6 @@ operators! {
         wgsl "min(max({0}, {1}), {2})" help "The first argument moved into the range from the second to the third."
         evaluate(_t) { a.max(b).min(c) }
         derivative(x, y, d) { x[0].lt(x[1]).select(d[1], x[2].lt(x[0]).select(d[2], d[0])) }
-    MulAdd "mul_add" (a, b, c) bools(0, false) continuous(true)
-        wgsl "fma({0}, {1}, {2})" help "The product of the first two plus the third, rounded once where the machine can."
-        evaluate(_t) { a.mul_add(b, c) } derivative(x, y, d) { d[0] * x[1] + x[0] * d[1] + d[2] }
-    MulSub "mul_sub" (a, b, c) bools(0, false) continuous(true)
-        wgsl "fma({0}, {1}, -({2}))" help "The product of the first two minus the third, rounded once where the machine can."
-        evaluate(_t) { a.mul_add(b, -c) } derivative(x, y, d) { d[0] * x[1] + x[0] * d[1] - d[2] }
-    SubMul "sub_mul" (a, b, c) bools(0, false) continuous(true)
-        wgsl "fma(-({0}), {1}, {2})" help "The third argument minus the product of the first two, rounded once where the machine can."
-        evaluate(_t) { (-a).mul_add(b, c) } derivative(x, y, d) { d[2] - d[0] * x[1] - x[0] * d[1] }
     Select "select" (a, b, c) bools(1, false) continuous(false)
         wgsl "select({2}, {1}, {0})" help "The second argument where the first is true, else the third."
         evaluate(_t) { R::select(a.to_mask(), b, c) } derivative(x, y, d) { x[0].select(d[1], d[2]) }

@@ -144,6 +144,7 @@ fn identity<'g>(operator: Operator, args: &[Expr<'g>], constants: &[Option<[f64;
         }
         Operator::Add if is(0, 0.0) => Some(b),
         Operator::Add if is(1, 0.0) => Some(a),
+        Operator::Add if a.id == b.id => Some(a * 2.0),
         Operator::Add => match (negated(a), negated(b)) {
             (_, Some(y)) => Some(a - y),
             (Some(x), None) => Some(b - x),
@@ -158,6 +159,9 @@ fn identity<'g>(operator: Operator, args: &[Expr<'g>], constants: &[Option<[f64;
         Operator::Mul if is(1, 1.0) => Some(a),
         Operator::Mul if is(0, -1.0) => Some(-b),
         Operator::Mul if is(1, -1.0) => Some(-a),
+        // A constant goes to one factor of a product, where derivatives share it.
+        Operator::Mul if constants[0].is_some() => into_factor(a, b),
+        Operator::Mul if constants[1].is_some() => into_factor(b, a),
         Operator::Div if is(0, 0.0) => Some(a),
         Operator::Div if is(1, 1.0) => Some(a),
         // A vector divided by one number: one division instead of three.
@@ -175,6 +179,39 @@ fn identity<'g>(operator: Operator, args: &[Expr<'g>], constants: &[Option<[f64;
         Operator::Select if is(0, 1.0) || args[1].id == args[2].id => Some(args[1]),
         Operator::Select if is(0, 0.0) => Some(args[2]),
         _ => None,
+    }
+}
+
+/// Constant and rest of a product with a constant.
+fn scaled(product: Expr<'_>) -> Option<(Expr<'_>, Expr<'_>)> {
+    let node = product.node();
+    if node.op != Op::Apply(Operator::Mul) {
+        return None;
+    }
+    let (a, b) = (product.arena.expr(node.args()[0]), product.arena.expr(node.args()[1]));
+    match (a.as_constant(), b.as_constant()) {
+        (Some(_), _) => Some((a, b)),
+        (_, Some(_)) => Some((b, a)),
+        _ => None,
+    }
+}
+
+/// `k (a b)` as `(k a) b`.
+fn into_factor<'g>(constant: Expr<'g>, product: Expr<'g>) -> Option<Expr<'g>> {
+    let node = product.node();
+    if node.op != Op::Apply(Operator::Mul) {
+        return None;
+    }
+    let (a, b) = (product.arena.expr(node.args()[0]), product.arena.expr(node.args()[1]));
+    match (a.as_constant(), b.as_constant()) {
+        (Some(_), _) => Some((constant * a) * b),
+        (_, Some(_)) => Some((constant * b) * a),
+        // `(k a) b` with another constant inside: the constants meet.
+        _ => match (scaled(a), scaled(b)) {
+            (Some((k, a)), _) => Some(((constant * k) * a) * b),
+            (_, Some((k, b))) => Some(((constant * k) * b) * a),
+            _ => Some((constant * a) * b),
+        },
     }
 }
 

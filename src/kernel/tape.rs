@@ -21,6 +21,41 @@ pub enum Code {
     SinCos,
     /// `dst` is the first argument.
     Copy,
+    /// A sum or difference that computes its products itself.
+    Products(Products),
+}
+
+/// Fused forms of products and sums of the arguments a, b, c and d, by component.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Products {
+    /// `a b + c`
+    MulAdd,
+    /// `a b - c`
+    MulSub,
+    /// `c - a b`
+    SubMul,
+    /// `a b + c d`
+    Sum,
+    /// `a b - c d`
+    Difference,
+}
+
+impl Products {
+    /// The name in listings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Products::MulAdd => "mul_add",
+            Products::MulSub => "mul_sub",
+            Products::SubMul => "sub_mul",
+            Products::Sum => "sum_of_products",
+            Products::Difference => "difference_of_products",
+        }
+    }
+
+    /// Number of arguments.
+    pub fn arity(self) -> usize {
+        if matches!(self, Products::Sum | Products::Difference) { 4 } else { 3 }
+    }
 }
 
 /// One instruction.
@@ -117,7 +152,7 @@ struct Lowering<'a> {
 struct Operands32 {
     width: u8,
     dst: [u32; 4],
-    args: [[u32; 4]; 3],
+    args: [[u32; 4]; 4],
     /// Arguments in use.
     arity: u8,
     dst_count: u8,
@@ -228,10 +263,10 @@ impl<'a> Lowering<'a> {
         {
             return registers;
         }
-        let (operator, arguments) = self.fuse_product(operator, node.args());
+        let (code, arguments) = self.fuse_products(operator, node.args());
         let mut registers = [0; 4];
         let mut dst = [0; 4];
-        let mut args = [[0; 4]; 3];
+        let mut args = [[0; 4]; 4];
         let mut width = 0;
         for i in (0..4).filter(|i| bits >> i & 1 == 1) {
             registers[i] = self.fresh();
@@ -241,7 +276,7 @@ impl<'a> Lowering<'a> {
             }
             width += 1;
         }
-        self.emit(Code::Apply(operator), width as u8, dst, width as u8, &args[..arguments.len()]);
+        self.emit(code, width as u8, dst, width as u8, &args[..arguments.len()]);
         registers
     }
 
@@ -256,26 +291,33 @@ impl<'a> Lowering<'a> {
             }
             let fusible =
                 |p: &&NodeId| self.arena.node(**p).op == Op::Apply(Operator::Mul) && self.uses.get(p) == Some(&1);
-            if let Some(product) = node.args().iter().find(fusible) {
-                self.absorbed.insert(*product);
-            }
+            self.absorbed.extend(node.args().iter().filter(fusible));
         }
     }
 
-    /// The operator and arguments that compute a node, with an absorbed product taken in.
-    fn fuse_product(&self, operator: Operator, args: &[NodeId]) -> (Operator, Vec<NodeId>) {
-        let fused = match operator {
-            Operator::Add => [Operator::MulAdd, Operator::MulAdd],
-            Operator::Sub => [Operator::MulSub, Operator::SubMul],
-            _ => return (operator, args.to_vec()),
-        };
-        for (i, fused) in fused.into_iter().enumerate() {
-            if self.absorbed.contains(&args[i]) {
-                let product = self.arena.node(args[i]);
-                return (fused, vec![product.args()[0], product.args()[1], args[1 - i]]);
-            }
+    /// The instruction and arguments that compute a node, with absorbed products taken in.
+    fn fuse_products(&self, operator: Operator, args: &[NodeId]) -> (Code, Vec<NodeId>) {
+        if !matches!(operator, Operator::Add | Operator::Sub) {
+            return (Code::Apply(operator), args.to_vec());
         }
-        (operator, args.to_vec())
+        let factors = |i: usize| self.absorbed.contains(&args[i]).then(|| self.arena.node(args[i]).args().to_vec());
+        let is_add = operator == Operator::Add;
+        let join = |mut a: Vec<NodeId>, b: &[NodeId]| {
+            a.extend_from_slice(b);
+            a
+        };
+        match (factors(0), factors(1)) {
+            (Some(a), Some(b)) => {
+                (Code::Products(if is_add { Products::Sum } else { Products::Difference }), join(a, &b))
+            }
+            (Some(a), None) => {
+                (Code::Products(if is_add { Products::MulAdd } else { Products::MulSub }), join(a, &args[1..]))
+            }
+            (None, Some(b)) => {
+                (Code::Products(if is_add { Products::MulAdd } else { Products::SubMul }), join(b, &args[..1]))
+            }
+            (None, None) => (Code::Apply(operator), args.to_vec()),
+        }
     }
 
     /// Sine and cosine of one angle are one instruction where both are needed.
@@ -294,7 +336,7 @@ impl<'a> Lowering<'a> {
     }
 
     fn emit(&mut self, code: Code, width: u8, dst: [u32; 4], dst_count: u8, arguments: &[[u32; 4]]) {
-        let mut args = [[0; 4]; 3];
+        let mut args = [[0; 4]; 4];
         args[..arguments.len()].copy_from_slice(arguments);
         let operands = Operands32 { width, dst, args, arity: arguments.len() as u8, dst_count };
         self.instructions.push((code, operands));
@@ -419,6 +461,7 @@ impl Tape {
                 Code::Dot => ("dot", 1, 2),
                 Code::SinCos => ("sin_cos", 2, 1),
                 Code::Copy => ("copy", 1, 1),
+                Code::Products(products) => (products.name(), width, products.arity()),
             };
             let arguments: Vec<String> = o.args[..arity].iter().map(|a| list(&a[..width])).collect();
             let _ = writeln!(text, "  {} = {label} {}", list(&o.dst[..targets]), arguments.join(", "));

@@ -2,8 +2,8 @@
 
 use fearless_simd::Simd;
 
-use crate::expr::ops::{Register, execute};
-use crate::kernel::tape::{Code, Instruction, Tape};
+use crate::expr::ops::{Operands, Register, execute};
+use crate::kernel::tape::{Code, Instruction, Products, Tape};
 use crate::math::{Lanes, Real};
 
 /// A number type that tapes can be interpreted over: knows how to enable its instruction set for a call.
@@ -72,7 +72,56 @@ pub(super) fn run_instruction<R: Machine, const K: usize>(
             registers[o.dst[0] as usize] = sin;
             registers[o.dst[1] as usize] = cos;
         }
+        Code::Products(Products::MulAdd) => products::<R, K, 3>(
+            registers,
+            o,
+            #[inline(always)]
+            |[a, b, c, _]| a.mul_add(b, c),
+        ),
+        Code::Products(Products::MulSub) => products::<R, K, 3>(
+            registers,
+            o,
+            #[inline(always)]
+            |[a, b, c, _]| a.mul_add(b, -c),
+        ),
+        Code::Products(Products::SubMul) => products::<R, K, 3>(
+            registers,
+            o,
+            #[inline(always)]
+            |[a, b, c, _]| (-a).mul_add(b, c),
+        ),
+        Code::Products(Products::Sum) => products::<R, K, 4>(
+            registers,
+            o,
+            #[inline(always)]
+            |[a, b, c, d]| a.mul_add(b, c * d),
+        ),
+        Code::Products(Products::Difference) => products::<R, K, 4>(
+            registers,
+            o,
+            #[inline(always)]
+            |[a, b, c, d]| a.mul_add(b, -(c * d)),
+        ),
         Code::Copy => registers[o.dst[0] as usize] = registers[o.args[0][0] as usize],
+    }
+}
+
+/// Applies a fused form to all components and lanes.
+#[inline(always)]
+fn products<R: Machine, const K: usize, const ARITY: usize>(
+    registers: &mut [Register<R, K>],
+    o: &Operands,
+    form: impl Fn([R; 4]) -> R,
+) {
+    for i in 0..o.width as usize {
+        let (a, b) = (registers[o.args[0][i] as usize], registers[o.args[1][i] as usize]);
+        let c = registers[o.args[2][i] as usize];
+        let d = if ARITY > 3 { registers[o.args[3][i] as usize] } else { c };
+        let mut result = a;
+        for k in 0..K {
+            result[k] = form([a[k], b[k], c[k], d[k]]);
+        }
+        registers[o.dst[i] as usize] = result;
     }
 }
 
