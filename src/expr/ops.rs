@@ -38,6 +38,8 @@ pub struct Operands {
     pub width: u8,
     /// Where each component goes.
     pub dst: [u16; 4],
+    /// Where each component of a second result goes.
+    pub dst2: [u16; 4],
     /// Registers of each argument's components.
     pub args: [[u16; 4]; 4],
 }

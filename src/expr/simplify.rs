@@ -138,10 +138,7 @@ fn identity<'g>(operator: Operator, args: &[Expr<'g>], constants: &[Option<[f64;
         (node.op == Op::Apply(Operator::Neg)).then(|| e.arena.expr(node.args()[0]))
     };
     match operator {
-        Operator::Neg | Operator::Not => {
-            let node = a.node();
-            (node.op == Op::Apply(operator)).then(|| a.arena.expr(node.args()[0]))
-        }
+        Operator::Neg | Operator::Not if a.node().op == Op::Apply(operator) => Some(a.arena.expr(a.node().args()[0])),
         Operator::Add if is(0, 0.0) => Some(b),
         Operator::Add if is(1, 0.0) => Some(a),
         Operator::Add if a.id == b.id => Some(a * 2.0),
@@ -159,6 +156,11 @@ fn identity<'g>(operator: Operator, args: &[Expr<'g>], constants: &[Option<[f64;
         Operator::Mul if is(1, 1.0) => Some(a),
         Operator::Mul if is(0, -1.0) => Some(-b),
         Operator::Mul if is(1, -1.0) => Some(-a),
+        // Scalar factors of a vector meet before they meet the vector: one multiplication of the vector instead of two.
+        Operator::Mul if width > 1 && join_scalars(a, b).is_some() => join_scalars(a, b),
+        Operator::Neg if width > 1 && scalar_factor(a).is_some() => {
+            scalar_factor(a).map(|(v, s)| v * (-s).widen(width as u8))
+        }
         // A constant goes to one factor of a product, where derivatives share it.
         Operator::Mul if constants[0].is_some() => into_factor(a, b),
         Operator::Mul if constants[1].is_some() => into_factor(b, a),
@@ -180,6 +182,30 @@ fn identity<'g>(operator: Operator, args: &[Expr<'g>], constants: &[Option<[f64;
         Operator::Select if is(0, 0.0) => Some(args[2]),
         _ => None,
     }
+}
+
+/// A vector that is a vector times one number: both of them.
+fn scalar_factor(product: Expr<'_>) -> Option<(Expr<'_>, Expr<'_>)> {
+    let node = product.node();
+    if node.op != Op::Apply(Operator::Mul) {
+        return None;
+    }
+    let (a, b) = (product.arena.expr(node.args()[0]), product.arena.expr(node.args()[1]));
+    match (common_splat(&[a]), common_splat(&[b])) {
+        (_, Some(s)) => Some((a, s[0])),
+        (Some(s), _) => Some((b, s[0])),
+        _ => None,
+    }
+}
+
+/// `(v s) t` with numbers s and t as `v (s t)`.
+fn join_scalars<'g>(a: Expr<'g>, b: Expr<'g>) -> Option<Expr<'g>> {
+    let ((v, s), t) = match (scalar_factor(a), common_splat(&[b]), scalar_factor(b), common_splat(&[a])) {
+        (Some(product), Some(t), _, _) => (product, t[0]),
+        (_, _, Some(product), Some(t)) => (product, t[0]),
+        _ => return None,
+    };
+    Some(v * (s * t).widen(v.ty().width))
 }
 
 /// Constant and rest of a product with a constant.

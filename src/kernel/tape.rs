@@ -21,6 +21,8 @@ pub enum Code {
     SinCos,
     /// `dst` is the first argument.
     Copy,
+    /// The complex product of `a + i c` and `b + i d`: `dst` is `a b - c d`, `dst2` is `c b + a d`.
+    ComplexProduct,
     /// A sum or difference that computes its products itself.
     Products(Products),
 }
@@ -152,10 +154,12 @@ struct Lowering<'a> {
 struct Operands32 {
     width: u8,
     dst: [u32; 4],
+    dst2: [u32; 4],
     args: [[u32; 4]; 4],
     /// Arguments in use.
     arity: u8,
     dst_count: u8,
+    dst2_count: u8,
 }
 
 impl<'a> Lowering<'a> {
@@ -269,6 +273,10 @@ impl<'a> Lowering<'a> {
         let mut args = [[0; 4]; 4];
         let mut width = 0;
         for i in (0..4).filter(|i| bits >> i & 1 == 1) {
+            if let Some(same) = self.unchanged(operator, node.args(), i) {
+                registers[i] = same;
+                continue;
+            }
             registers[i] = self.fresh();
             dst[width] = registers[i];
             for (k, argument) in arguments.iter().enumerate() {
@@ -276,7 +284,9 @@ impl<'a> Lowering<'a> {
             }
             width += 1;
         }
-        self.emit(code, width as u8, dst, width as u8, &args[..arguments.len()]);
+        if width > 0 {
+            self.emit(code, width as u8, dst, width as u8, &args[..arguments.len()]);
+        }
         registers
     }
 
@@ -293,6 +303,17 @@ impl<'a> Lowering<'a> {
                 |p: &&NodeId| self.arena.node(**p).op == Op::Apply(Operator::Mul) && self.uses.get(p) == Some(&1);
             self.absorbed.extend(node.args().iter().filter(fusible));
         }
+    }
+
+    /// The register of a component of a sum whose other term is 0 there.
+    fn unchanged(&self, operator: Operator, args: &[NodeId], i: usize) -> Option<u32> {
+        let is_zero = |id: &NodeId| self.arena.node(*id).constant().is_some_and(|c| c[i] == 0.0);
+        let kept = match operator {
+            Operator::Add if is_zero(&args[0]) => args[1],
+            Operator::Add | Operator::Sub if is_zero(&args[1]) => args[0],
+            _ => return None,
+        };
+        (!self.absorbed.contains(&kept)).then(|| self.registers[&kept][i])
     }
 
     /// The instruction and arguments that compute a node, with absorbed products taken in.
@@ -338,7 +359,8 @@ impl<'a> Lowering<'a> {
     fn emit(&mut self, code: Code, width: u8, dst: [u32; 4], dst_count: u8, arguments: &[[u32; 4]]) {
         let mut args = [[0; 4]; 4];
         args[..arguments.len()].copy_from_slice(arguments);
-        let operands = Operands32 { width, dst, args, arity: arguments.len() as u8, dst_count };
+        let operands =
+            Operands32 { width, dst, args, arity: arguments.len() as u8, dst_count, ..Operands32::default() };
         self.instructions.push((code, operands));
     }
 
@@ -349,7 +371,28 @@ impl<'a> Lowering<'a> {
             }
         }
         let outputs = self.lower_outputs();
+        self.pair_complex_products();
         self.allocate(outputs)
+    }
+
+    /// Joins `a b - c d` with a later `c b + a d`: real and imaginary part of one product, whose operands are then read
+    /// once. Powers and squares, and their derivatives, are made of these.
+    fn pair_complex_products(&mut self) {
+        let mut i = 0;
+        while i < self.instructions.len() {
+            let (code, real) = self.instructions[i];
+            if code == Code::Products(Products::Difference) {
+                let twin = self.instructions[i + 1..].iter().position(|(code, sum)| {
+                    *code == Code::Products(Products::Sum) && sum.width == real.width && real.is_twin(sum)
+                });
+                if let Some(j) = twin {
+                    let (_, imaginary) = self.instructions.remove(i + 1 + j);
+                    let joined = Operands32 { dst2: imaginary.dst, dst2_count: imaginary.dst_count, ..real };
+                    self.instructions[i] = (Code::ComplexProduct, real.ordered_for(&imaginary, joined));
+                }
+            }
+            i += 1;
+        }
     }
 
     /// Virtual registers of the outputs; an output that is another input's register, or a constant, is copied, so that
@@ -398,8 +441,11 @@ impl<'a> Lowering<'a> {
                 physical.insert(register, slot);
             }
             let mut result = Operands { width: operands.width, ..Operands::default() };
-            for (k, register) in operands.targets().enumerate() {
-                result.dst[k] = place(&physical, register);
+            for k in 0..operands.dst_count as usize {
+                result.dst[k] = place(&physical, operands.dst[k]);
+            }
+            for k in 0..operands.dst2_count as usize {
+                result.dst2[k] = place(&physical, operands.dst2[k]);
             }
             for k in 0..operands.arity as usize {
                 for i in 0..operands.width as usize {
@@ -428,12 +474,41 @@ impl<'a> Lowering<'a> {
 }
 
 impl Operands32 {
+    /// The two products of a fused form, each as the pair of its factors.
+    fn products(&self) -> [[[u32; 4]; 2]; 2] {
+        [[self.args[0], self.args[1]], [self.args[2], self.args[3]]]
+    }
+
+    /// The order `[a, b, c, d]` of this difference's factors in which `sum` is `c b + a d`.
+    fn twin_order(&self, sum: &Operands32) -> Option<[[u32; 4]; 4]> {
+        let same = |p: [[u32; 4]; 2], q: [[u32; 4]; 2]| p == q || p == [q[1], q[0]];
+        let [first, second] = self.products();
+        let sums = sum.products();
+        for (a, b) in [(first[0], first[1]), (first[1], first[0])] {
+            for (c, d) in [(second[0], second[1]), (second[1], second[0])] {
+                let (cb, ad) = ([c, b], [a, d]);
+                if (same(sums[0], cb) && same(sums[1], ad)) || (same(sums[0], ad) && same(sums[1], cb)) {
+                    return Some([a, b, c, d]);
+                }
+            }
+        }
+        None
+    }
+
+    fn is_twin(&self, sum: &Operands32) -> bool {
+        self.twin_order(sum).is_some()
+    }
+
+    fn ordered_for(&self, sum: &Operands32, joined: Operands32) -> Operands32 {
+        Operands32 { args: self.twin_order(sum).unwrap_or(self.args), ..joined }
+    }
+
     fn sources(&self) -> impl Iterator<Item = u32> + '_ {
         self.args[..self.arity as usize].iter().flat_map(|a| a[..self.width as usize].iter().copied())
     }
 
     fn targets(&self) -> impl Iterator<Item = u32> + '_ {
-        self.dst[..self.dst_count as usize].iter().copied()
+        self.dst[..self.dst_count as usize].iter().chain(&self.dst2[..self.dst2_count as usize]).copied()
     }
 }
 
@@ -461,10 +536,15 @@ impl Tape {
                 Code::Dot => ("dot", 1, 2),
                 Code::SinCos => ("sin_cos", 2, 1),
                 Code::Copy => ("copy", 1, 1),
+                Code::ComplexProduct => ("complex_product", width, 4),
                 Code::Products(products) => (products.name(), width, products.arity()),
             };
             let arguments: Vec<String> = o.args[..arity].iter().map(|a| list(&a[..width])).collect();
-            let _ = writeln!(text, "  {} = {label} {}", list(&o.dst[..targets]), arguments.join(", "));
+            let second = match instruction.code {
+                Code::ComplexProduct => format!(", {}", list(&o.dst2[..targets])),
+                _ => String::new(),
+            };
+            let _ = writeln!(text, "  {}{second} = {label} {}", list(&o.dst[..targets]), arguments.join(", "));
         }
         let _ = writeln!(text, "  return {}", list(&self.outputs));
         text

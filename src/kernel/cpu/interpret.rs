@@ -72,6 +72,7 @@ pub(super) fn run_instruction<R: Machine, const K: usize>(
             registers[o.dst[0] as usize] = sin;
             registers[o.dst[1] as usize] = cos;
         }
+        Code::ComplexProduct => complex_product::<R, K>(registers, o),
         Code::Products(Products::MulAdd) => products::<R, K, 3>(
             registers,
             o,
@@ -103,6 +104,25 @@ pub(super) fn run_instruction<R: Machine, const K: usize>(
             |[a, b, c, d]| a.mul_add(b, -(c * d)),
         ),
         Code::Copy => registers[o.dst[0] as usize] = registers[o.args[0][0] as usize],
+    }
+}
+
+/// Multiplies complex numbers; the factor that components share stays in the machine's registers.
+#[inline(always)]
+fn complex_product<R: Machine, const K: usize>(registers: &mut [Register<R, K>], o: &Operands) {
+    let (mut b, mut d) = (registers[o.args[1][0] as usize], registers[o.args[3][0] as usize]);
+    for i in 0..o.width as usize {
+        if i > 0 && (o.args[1][i] != o.args[1][i - 1] || o.args[3][i] != o.args[3][i - 1]) {
+            (b, d) = (registers[o.args[1][i] as usize], registers[o.args[3][i] as usize]);
+        }
+        let (a, c) = (registers[o.args[0][i] as usize], registers[o.args[2][i] as usize]);
+        let (mut real, mut imaginary) = (a, a);
+        for k in 0..K {
+            real[k] = a[k].mul_add(b[k], -(c[k] * d[k]));
+            imaginary[k] = c[k].mul_add(b[k], a[k] * d[k]);
+        }
+        registers[o.dst[i] as usize] = real;
+        registers[o.dst2[i] as usize] = imaginary;
     }
 }
 
