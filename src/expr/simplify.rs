@@ -232,12 +232,9 @@ fn into_factor<'g>(constant: Expr<'g>, product: Expr<'g>) -> Option<Expr<'g>> {
     match (a.as_constant(), b.as_constant()) {
         (Some(_), _) => Some((constant * a) * b),
         (_, Some(_)) => Some((constant * b) * a),
-        // `(k a) b` with another constant inside: the constants meet.
-        _ => match (scaled(a), scaled(b)) {
-            (Some((k, a)), _) => Some(((constant * k) * a) * b),
-            (_, Some((k, b))) => Some(((constant * k) * b) * a),
-            _ => Some((constant * a) * b),
-        },
+        // A product that is scaled already is shared as it is: one more factor costs one multiplication.
+        _ if scaled(a).is_some() || scaled(b).is_some() => return None,
+        _ => Some((constant * a) * b),
     }
 }
 
