@@ -2,8 +2,8 @@
 //!
 //! In comes an estimator with `de, inside`; out comes a [`March`] kernel. Everything a march does between two estimates
 //! is straight-line and stands here as expressions, once for all back ends: where to estimate ([`compose_march`]'s
-//! `locate`) and what to make of the answer (`advance`). Rules: a step is the estimate times `fudge`, at least the hit
-//! threshold; an estimate under the threshold whose point is still outside is walked on from, so only a point that is
+//! `locate`) and what to make of the answer (`advance`). Rules: a step is the estimate times `fudge`, at least a
+//! quarter of the hit threshold; an estimate under the threshold whose point is still outside is walked on from, so only a point that is
 //! inside stops the ray; from there it bisects back to the boundary.
 
 use crate::expr::{Arena, Expr, Function, Port, Type};
@@ -42,6 +42,9 @@ impl Default for MarchSettings {
     }
 }
 
+/// Least step as a share of the hit threshold. With a quarter, brute force found few features that the walk had stepped
+/// over (of the power-8 bulb's hits 0 to 3 % where whole thresholds lost 5 %), for a tenth more estimates at most.
+const WALK: f64 = 0.25;
 /// Share of the hit threshold that bisection narrows a hit down to.
 const BISECTION: f64 = 1.0 / 16.0;
 
@@ -134,7 +137,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
 
     // Marching: forward by the estimate. Bisecting: to the middle. A NaN estimate walks on.
     let usable = zero.le(de).select(de, zero);
-    let forward = ray.t + (usable * settings.fudge).max(hit_eps);
+    let forward = ray.t + (usable * settings.fudge).max(hit_eps * WALK);
     let middle = (t_inside + t_outside) * 0.5;
     let narrow = (t_inside - t_outside).le(hit_eps * BISECTION);
     let hit = crossed.and(narrow.or(started_inside));
