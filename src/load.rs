@@ -55,6 +55,11 @@ pub fn load_text(
 ) -> Option<Loaded> {
     let overrides = read_overrides(library, set, d);
     let id = library.sources.add(name, text);
+    if text.trim().is_empty() {
+        let help = "`bulbfold new NAME` writes a commented one to start from";
+        d.push(Diagnostic::error(format!("{name} is empty")).help(help));
+        return None;
+    }
     let is_script = Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
     let value = match is_script {
         true => run_script(library, id, &overrides, d)?,

@@ -10,6 +10,8 @@ use crate::diag::{Diagnostic, SourceId, Sources, Span};
 
 /// Operations that one script may execute.
 const MAX_OPERATIONS: u64 = 2_000_000;
+/// How deep functions of a script may call each other.
+const MAX_CALL_LEVELS: usize = 32;
 
 /// A Rhai engine with the symbolic type, and the tracer that its functions report to.
 pub struct ScriptEngine {
@@ -26,7 +28,7 @@ impl ScriptEngine {
             .set_fast_operators(false)
             .set_fail_on_invalid_map_property(true)
             .set_max_operations(MAX_OPERATIONS)
-            .set_max_call_levels(32)
+            .set_max_call_levels(MAX_CALL_LEVELS)
             .set_max_expr_depths(64, 48)
             .set_max_string_size(100_000)
             .set_max_array_size(10_000)
@@ -59,7 +61,9 @@ impl ScriptEngine {
 
     /// Runs a script's own statements and returns the value of the last one.
     pub fn run(&self, sources: &Sources, id: SourceId, ast: &AST, scope: &mut Scope) -> Result<Dynamic, Diagnostic> {
-        self.engine.eval_ast_with_scope::<Dynamic>(scope, ast).map_err(|error| self.runtime_error(sources, id, &error))
+        self.engine
+            .eval_ast_with_scope::<Dynamic>(scope, ast)
+            .map_err(|error| self.runtime_error(sources, id, ast, "", &error))
     }
 
     /// Calls a function of a script.
@@ -74,7 +78,7 @@ impl ScriptEngine {
         let options = rhai::CallFnOptions::new().eval_ast(false);
         self.engine
             .call_fn_with_options::<Dynamic>(options, &mut base_scope(), ast, name, args)
-            .map_err(|error| self.runtime_error(sources, id, &error))
+            .map_err(|error| self.runtime_error(sources, id, ast, name, &error))
     }
 
     /// Evaluates an expression with the given variables. The error is a plain sentence.
@@ -82,20 +86,67 @@ impl ScriptEngine {
         self.engine.eval_expression_with_scope::<Dynamic>(scope, text).map_err(|error| plain(&error))
     }
 
-    fn runtime_error(&self, sources: &Sources, id: SourceId, error: &EvalAltResult) -> Diagnostic {
-        let mut inner = error;
-        while let EvalAltResult::ErrorInFunctionCall(_, _, cause, _) = inner {
-            inner = cause;
+    /// The message for an error; `function` was called from outside, or it is empty.
+    fn runtime_error(
+        &self,
+        sources: &Sources,
+        id: SourceId,
+        ast: &AST,
+        function: &str,
+        error: &EvalAltResult,
+    ) -> Diagnostic {
+        let (mut inner, mut function, mut call) = (error, function, Position::NONE);
+        while let EvalAltResult::ErrorInFunctionCall(name, _, cause, position) = inner {
+            if !position.is_none() {
+                call = *position;
+            }
+            (inner, function) = (cause, name);
         }
-        let mut position = inner.position();
-        if position.is_none() {
-            position = self.tracer.last_position();
+        let diagnostic = Diagnostic::error(plain(inner));
+        match inner {
+            EvalAltResult::ErrorTooManyOperations(_) => {
+                let label = if function.is_empty() { "in this script" } else { "in this function" };
+                let help =
+                    format!("does a loop never end? A script may run {MAX_OPERATIONS} operations, all loops together");
+                diagnostic.label(function_span(sources, id, function), label).help(help)
+            }
+            EvalAltResult::ErrorStackOverflow(_) => {
+                let (span, label) = match call.is_none() {
+                    true => (function_span(sources, id, function), String::new()),
+                    false => (span_of(sources, id, call), format!("`{function}` is called again here")),
+                };
+                let help = format!(
+                    "calls may be {MAX_CALL_LEVELS} deep; repeat something with a loop over a known number of times"
+                );
+                diagnostic.label(span, label).help(help)
+            }
+            _ => {
+                let last = self.tracer.last_position();
+                let span = match (inner.position(), last) {
+                    (at, _) if !at.is_none() => span_of(sources, id, at),
+                    (_, last) if !last.is_none() => span_of(sources, id, last),
+                    _ => function_span(sources, id, function),
+                };
+                self.with_help(diagnostic.label(span, ""), ast, inner)
+            }
         }
-        let mut diagnostic = Diagnostic::error(plain(inner)).label(span_of(sources, id, position), "");
-        if is_symbolic_condition(inner) {
-            diagnostic = diagnostic.help("use `select(condition, a, b)`, and `and(a, b)`, `or(a, b)`, `not(a)`");
+    }
+
+    /// Adds what to do about the error.
+    fn with_help(&self, diagnostic: Diagnostic, ast: &AST, error: &EvalAltResult) -> Diagnostic {
+        if is_symbolic_condition(error) {
+            return diagnostic.help("use `select(condition, a, b)`, and `and(a, b)`, `or(a, b)`, `not(a)`");
         }
-        diagnostic
+        let EvalAltResult::ErrorFunctionNotFound(signature, _) = error else {
+            return diagnostic;
+        };
+        let name = signature.split([' ', '(']).next().unwrap_or_default();
+        let known = self.tracer.functions();
+        let own = ast.iter_functions().map(|f| f.name);
+        if known.contains(&name) || ast.iter_functions().any(|f| f.name == name) {
+            return diagnostic.help(format!("there is a `{name}`, but it takes other arguments"));
+        }
+        diagnostic.did_you_mean(name, known.iter().copied().chain(own))
     }
 }
 
@@ -112,6 +163,15 @@ pub fn base_scope() -> Scope<'static> {
 
 fn span_of(sources: &Sources, id: SourceId, position: Position) -> Span {
     sources.span_at(id, position.line().unwrap_or(1), position.position().unwrap_or(1))
+}
+
+/// Place of a function's head; of the script's start where there is no such function.
+fn function_span(sources: &Sources, id: SourceId, name: &str) -> Span {
+    let head = format!("fn {name}(");
+    match sources.text(id).find(&head) {
+        Some(at) if !name.is_empty() => Span::new(id, at, at + head.len() - 1),
+        _ => sources.span_at(id, 1, 1),
+    }
 }
 
 fn parse_error(sources: &Sources, id: SourceId, error: &ParseError) -> Diagnostic {
@@ -138,8 +198,9 @@ fn plain(error: &EvalAltResult) -> String {
     match error {
         EvalAltResult::ErrorRuntime(value, _) => value.to_string(),
         EvalAltResult::ErrorTooManyOperations(_) => {
-            format!("the script runs more than {MAX_OPERATIONS} operations; does a loop never end?")
+            format!("the script runs more than {MAX_OPERATIONS} operations")
         }
+        EvalAltResult::ErrorStackOverflow(_) => "the script calls itself without end".into(),
         EvalAltResult::ErrorParsing(kind, _) => kind.to_string(),
         other => {
             let text = other.to_string();

@@ -45,6 +45,7 @@ pub struct Tracer {
     arena: RefCell<Rc<Arena>>,
     text: RefCell<Option<(SourceId, Vec<u32>)>>,
     last_position: Cell<Position>,
+    functions: RefCell<Vec<&'static str>>,
 }
 
 impl Tracer {
@@ -60,6 +61,11 @@ impl Tracer {
     /// Place of the last traced call; errors that carry no position of their own are reported there.
     pub fn last_position(&self) -> Position {
         self.last_position.get()
+    }
+
+    /// Names of the functions that work on symbolic values.
+    pub fn functions(&self) -> Vec<&'static str> {
+        self.functions.borrow().clone()
     }
 
     fn mark(&self, context: &NativeCallContext) -> Fallible<Rc<Arena>> {
@@ -220,6 +226,7 @@ fn register_functions(engine: &mut Engine, tracer: &Rc<Tracer>) {
     use Operator as O;
     macro_rules! function {
         ($name:literal, |$arena:ident, $($arg:ident),+| $body:expr) => {{
+            tracer.functions.borrow_mut().push($name);
             let tracer = tracer.clone();
             engine.register_fn($name, move |context: NativeCallContext, $($arg: Dynamic),+| -> Fallible<Dynamic> {
                 let $arena = &tracer.mark(&context)?;
@@ -260,6 +267,7 @@ fn register_functions(engine: &mut Engine, tracer: &Rc<Tracer>) {
 fn register_vectors(engine: &mut Engine, tracer: &Rc<Tracer>) {
     macro_rules! function {
         ($name:literal, |$arena:ident, $($arg:ident : $ty:ty),+| $body:expr) => {{
+            tracer.functions.borrow_mut().push($name);
             let tracer = tracer.clone();
             engine.register_fn($name, move |context: NativeCallContext, $($arg: $ty),+| -> Fallible<Dynamic> {
                 let $arena = &tracer.mark(&context)?;

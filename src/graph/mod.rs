@@ -6,6 +6,7 @@
 
 mod fields;
 mod nodes;
+mod overrides;
 pub mod print;
 mod read;
 mod schedule;
@@ -14,7 +15,8 @@ mod settings;
 mod tests_of_formula;
 mod validate;
 
-pub use read::{Override, read};
+pub use overrides::Override;
+pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{Camera, Constant, DeForm, EstimateSettings, Look, Method, OrbitSettings};
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
