@@ -73,8 +73,10 @@ impl Library {
         }
     }
 
-    /// Reads the steps that lie beside a formula file: every `*.rhai` that defines `fn step`.
+    /// Reads the steps that lie beside a formula file: every `*.rhai` that defines `fn step`. An empty path is the current
+    /// folder.
     pub fn add_beside(&mut self, folder: &Path, diagnostics: &mut Diagnostics) {
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let mut files: Vec<_> =
             std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
         files.sort();
