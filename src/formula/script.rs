@@ -4,9 +4,10 @@ use std::rc::Rc;
 
 use rhai::{AST, Dynamic, Engine, EvalAltResult, ParseError, Position, Scope};
 
-use super::symbolic::{self, SYMBOL_NAME, Symbol, Tracer};
+use super::symbolic::{self, FUNCTIONS, SYMBOL_NAME, Symbol, Tracer};
 use super::value::{Name, Value, ValueKind};
 use crate::diag::{Diagnostic, SourceId, Sources, Span};
+use crate::expr::ops::Operator;
 
 /// Operations that one script may execute.
 const MAX_OPERATIONS: u64 = 2_000_000;
@@ -95,25 +96,22 @@ impl ScriptEngine {
         function: &str,
         error: &EvalAltResult,
     ) -> Diagnostic {
-        let (mut inner, mut function, mut call) = (error, function, Position::NONE);
-        while let EvalAltResult::ErrorInFunctionCall(name, _, cause, position) = inner {
-            if !position.is_none() {
-                call = *position;
-            }
+        let (mut inner, mut function) = (error, function);
+        while let EvalAltResult::ErrorInFunctionCall(name, _, cause, _) = inner {
             (inner, function) = (cause, name);
         }
         let diagnostic = Diagnostic::error(plain(inner));
         match inner {
             EvalAltResult::ErrorTooManyOperations(_) => {
-                let label = if function.is_empty() { "in this script" } else { "in this function" };
+                let label = if function.is_empty() { "in this script" } else { "while this function ran" };
                 let help =
                     format!("does a loop never end? A script may run {MAX_OPERATIONS} operations, all loops together");
                 diagnostic.label(function_span(sources, id, function), label).help(help)
             }
             EvalAltResult::ErrorStackOverflow(_) => {
-                let (span, label) = match call.is_none() {
-                    true => (function_span(sources, id, function), String::new()),
-                    false => (span_of(sources, id, call), format!("`{function}` is called again here")),
+                let (span, label) = match self_call(sources, id, ast) {
+                    Some(span) => (span, "a function calls itself here"),
+                    None => (function_span(sources, id, function), "while this function ran"),
                 };
                 let help = format!(
                     "calls may be {MAX_CALL_LEVELS} deep; repeat something with a loop over a known number of times"
@@ -141,9 +139,15 @@ impl ScriptEngine {
             return diagnostic;
         };
         let name = signature.split([' ', '(']).next().unwrap_or_default();
+        if let Some(operator) = Operator::ALL.iter().map(|operator| operator.info()).find(|info| info.name == name) {
+            return diagnostic.help(format!("`{name}` takes {} argument{}", operator.arity, plural(operator.arity)));
+        }
+        if let Some((call, _)) = FUNCTIONS.iter().find(|(call, _)| call.split('(').next() == Some(name)) {
+            return diagnostic.help(format!("write `{call}`"));
+        }
         let known = self.tracer.functions();
         let own = ast.iter_functions().map(|f| f.name);
-        if known.contains(&name) || ast.iter_functions().any(|f| f.name == name) {
+        if ast.iter_functions().any(|f| f.name == name) {
             return diagnostic.help(format!("there is a `{name}`, but it takes other arguments"));
         }
         diagnostic.did_you_mean(name, known.iter().copied().chain(own))
@@ -172,6 +176,23 @@ fn function_span(sources: &Sources, id: SourceId, name: &str) -> Span {
         Some(at) if !name.is_empty() => Span::new(id, at, at + head.len() - 1),
         _ => sources.span_at(id, 1, 1),
     }
+}
+
+fn plural(count: usize) -> &'static str {
+    if count == 1 { "" } else { "s" }
+}
+
+/// Place where a function of the script calls itself, found in its text.
+fn self_call(sources: &Sources, id: SourceId, ast: &AST) -> Option<Span> {
+    let text = sources.text(id);
+    ast.iter_functions().find_map(|function| {
+        let start = text.find(&format!("fn {}(", function.name))? + 3 + function.name.len();
+        let end = text[start..].find("\nfn ").map_or(text.len(), |at| start + at);
+        let call = format!("{}(", function.name);
+        let is_word = |at: usize| !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
+        let found = text[start..end].match_indices(&call).map(|(at, _)| start + at).find(|at| is_word(*at))?;
+        Some(Span::new(id, found, found + function.name.len()))
+    })
 }
 
 fn parse_error(sources: &Sources, id: SourceId, error: &ParseError) -> Diagnostic {
