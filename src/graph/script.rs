@@ -81,7 +81,7 @@ struct Run {
 }
 
 /// Runs a graph script whose text is in the library's sources. Parameters that it asks for are taken from `overrides`
-/// and declared in the result, so [`read`](super::read) accepts those overrides.
+/// and declared in the result, so [`read`](super::read()) accepts those overrides.
 pub fn run_script(library: &Library, text: SourceId, overrides: &[Override], d: &mut Diagnostics) -> Option<Value> {
     if library.sources.text(text).contains("fn step(") {
         let message = "this is a step, not a graph script";
