@@ -28,7 +28,6 @@ pub fn load(library: &mut Library, what: &str, set: &[(String, String)], d: &mut
     let (name, text) = if path.exists() {
         let text = read_text(path, d)?;
         if let Some(folder) = path.parent() {
-            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
             library.add_beside(folder, d);
         }
         (what.to_string(), text)
@@ -39,7 +38,16 @@ pub fn load(library: &mut Library, what: &str, set: &[(String, String)], d: &mut
     } else {
         let names = embedded::FRACTALS.iter().chain(embedded::SCRIPTS).map(|(name, _)| *name);
         let message = format!("there is no file and no built-in fractal `{what}`");
-        d.push(Diagnostic::error(message).did_you_mean(what, names).help("`bulbfold list` shows the built-in ones"));
+        d.push(match library.step(what) {
+            Some(step) => Diagnostic::error(format!("`{what}` is a step, not a fractal"))
+                .help(format!("use it as a node of a formula file: `nodes: {{ \"a\": {}() }}`", step.name))
+                .help(format!(
+                    "`bulbfold explain {what}` says what it does, `bulbfold new NAME` writes a formula file"
+                )),
+            None => {
+                Diagnostic::error(message).did_you_mean(what, names).help("`bulbfold list` shows the built-in ones")
+            }
+        });
         return None;
     };
     load_text(library, &name, &text, set, d)
@@ -55,6 +63,11 @@ pub fn load_text(
 ) -> Option<Loaded> {
     let overrides = read_overrides(library, set, d);
     let id = library.sources.add(name, text);
+    if text.trim().is_empty() {
+        let help = "`bulbfold new NAME` writes a commented one to start from";
+        d.push(Diagnostic::error(format!("{name} is empty")).help(help));
+        return None;
+    }
     let is_script = Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
     let value = match is_script {
         true => run_script(library, id, &overrides, d)?,

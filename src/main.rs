@@ -3,5 +3,19 @@
 mod cli;
 
 fn main() -> std::process::ExitCode {
+    silence_device_select();
     cli::main()
+}
+
+/// Leaves out Mesa's device selection layer where there is no Wayland: it would only complain on stderr, once for each
+/// instance, that `XDG_RUNTIME_DIR` is invalid. Who selects a device with it keeps it.
+fn silence_device_select() {
+    let has_runtime_dir =
+        std::env::var_os("XDG_RUNTIME_DIR").is_some_and(|path| std::path::Path::new(&path).is_absolute());
+    let is_wanted =
+        ["NODEVICE_SELECT", "MESA_VK_DEVICE_SELECT", "DRI_PRIME"].iter().any(|name| std::env::var_os(name).is_some());
+    if !has_runtime_dir && !is_wanted {
+        // SAFETY: this is the first thing that the program does, so no other thread reads or writes the environment.
+        unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
+    }
 }

@@ -54,8 +54,20 @@ fn a_render_writes_one_picture_and_keeps_stdout_clean() {
 #[test]
 fn statistics_are_one_json_object() {
     let folder = folder();
-    let arguments =
-        ["render", "mandelbox", "--size", "64x48", "--backend", "cpu", "--json", "--quiet", "-o", "box.png"];
+    let arguments = [
+        "render",
+        "mandelbox",
+        "--size",
+        "64x48",
+        "--samples",
+        "1",
+        "--backend",
+        "cpu",
+        "--json",
+        "-q",
+        "-o",
+        "box.png",
+    ];
     let output = bulbfold(folder.path(), &arguments);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert!(output.stderr.is_empty(), "{}", stderr(&output));

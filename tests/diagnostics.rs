@@ -204,3 +204,29 @@ fn syntax_error() {
 fn endless_recursion() {
     script("endless_recursion", "step(z, c, p)");
 }
+
+#[test]
+fn endless_recursion_of_a_helper() {
+    expect(
+        "endless_recursion_of_a_helper",
+        &message(
+            "(nodes: { \"a\": mine() })\n",
+            &step("turned(z)").replace("fn step", "fn turned(v) {\n    turned(v * 2.0)\n}\n\nfn step"),
+        ),
+    );
+}
+
+#[test]
+fn function_with_other_arguments() {
+    script("function_with_other_arguments", "clamp(z, 1.0)");
+}
+
+#[test]
+fn empty_file() {
+    graph("empty_file", " \n");
+}
+
+#[test]
+fn shape_without_its_parts() {
+    graph("shape_without_its_parts", "(\n    nodes: { \"a\": Repeat(), \"b\": Sequence() },\n    output: \"a\",\n)\n");
+}

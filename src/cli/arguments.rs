@@ -2,6 +2,7 @@
 
 use bulbfold::graph::{DeForm, Method};
 use bulbfold::kernel::cpu::Precision;
+use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
@@ -31,6 +32,14 @@ impl PrecisionArg {
         match self {
             PrecisionArg::F32 => Precision::F32,
             PrecisionArg::F64 => Precision::F64,
+        }
+    }
+
+    /// Least step of finite differences, as a part of the largest coordinate.
+    pub fn min_difference(self) -> f64 {
+        match self {
+            PrecisionArg::F32 => MIN_DIFFERENCE_F32,
+            PrecisionArg::F64 => MIN_DIFFERENCE_F64,
         }
     }
 }

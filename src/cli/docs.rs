@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use bulbfold::expr::ops::Operator;
 use bulbfold::formula::step::Step;
+use bulbfold::formula::symbolic::FUNCTIONS;
 use clap::Args;
 
 use super::explain::step_page;
@@ -68,7 +69,19 @@ fn operators_page() -> String {
     let note = "Made by `bulbfold docs` from the operator table in `src/expr/ops.rs`. Operators work component by component \
                 on numbers and vectors; a number combines with a vector as if written into every component.";
     let head = vec!["Name", "Arguments", "Result", "Continuous", "WGSL", "Meaning"];
-    let blocks = [Block::Heading(1, "Operators".into()), Block::Text(note.into()), Block::Table(head, rows.collect())];
+    let scripts = "In scripts, arithmetic and comparisons are written `+`, `-`, `/`, `%` (mod), `==`, `!=`, `<`, `<=`, `>`, `>=`, the product \
+                   and the power with one and two asterisks; the others are called by their names, such as `clamp(z, -1.0, 1.0)`. \
+                   `z.x`, `z.y`, `z.z` and `z.w` are components that can be read and set, `z.xyz` the first three. `PI` is a \
+                   number. Beside the operators there are:";
+    let functions = FUNCTIONS.iter().map(|(call, help)| vec![format!("`{call}`"), help.to_string()]);
+    let blocks = [
+        Block::Heading(1, "Operators".into()),
+        Block::Text(note.into()),
+        Block::Table(head, rows.collect()),
+        Block::Heading(2, "In step scripts".into()),
+        Block::Text(scripts.into()),
+        Block::Table(vec!["Call", "Meaning"], functions.collect()),
+    ];
     trimmed(&markdown(&blocks, 0))
 }
 

@@ -1,9 +1,11 @@
 //! `bulbfold explain`: everything about one step or fractal.
 
 use std::io::Write;
+use std::path::Path;
 use std::rc::Rc;
 
 use bulbfold::compose::{Composer, choose};
+use bulbfold::diag::Diagnostics;
 use bulbfold::expr::{Arena, Function, Port, Type, print};
 use bulbfold::formula::embedded;
 use bulbfold::formula::step::{Growth, ParamKind, ParamValue, ScalarRule, StateWidth, Step, StepInputs, script_value};
@@ -23,7 +25,7 @@ Examples:
   bulbfold explain mandelbulb
   bulbfold explain sphere_fold --markdown > sphere_fold.md")]
 pub struct Arguments {
-    /// A step, a built-in fractal or script, or a formula file
+    /// A step, a built-in fractal or script, or a file of one of them
     name: String,
     /// Print Markdown
     #[arg(long)]
@@ -33,7 +35,7 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     let name = arguments.name.as_str();
-    let blocks = match session.library.step(name).cloned() {
+    let blocks = match find_step(session, name)? {
         Some(step) => {
             let mut blocks = step_page(session, &step);
             blocks.extend(code_blocks(session, &step)?);
@@ -42,7 +44,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         None => {
             let formulas = embedded::FRACTALS.iter().chain(embedded::SCRIPTS).map(|(name, _)| *name);
             let known: Vec<&str> = session.library.steps().map(|s| s.name.as_str()).chain(formulas).collect();
-            if !known.contains(&name) && !std::path::Path::new(name).exists() {
+            if !known.contains(&name) && !Path::new(name).exists() {
                 let help = match bulbfold::diag::nearest(name, known) {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => "`bulbfold list` shows all names".into(),
@@ -55,6 +57,21 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     };
     let text = if arguments.markdown { markdown(&blocks, 0) } else { plain(&blocks) };
     Ok(out.write_all(text.as_bytes())?)
+}
+
+/// The step of this name or in this file, if there is one.
+fn find_step(session: &mut Session, name: &str) -> Result<Option<Rc<Step>>, Failure> {
+    let path = Path::new(name);
+    let is_step_file = path.extension().is_some_and(|e| e == "rhai")
+        && std::fs::read_to_string(path).is_ok_and(|text| text.contains("fn step("));
+    if !is_step_file {
+        return Ok(session.library.step(name).cloned());
+    }
+    let mut d = Diagnostics::default();
+    session.library.add_beside(path.parent().unwrap_or(Path::new("")), &mut d);
+    session.report(d)?;
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    Ok(session.library.step(&stem).cloned())
 }
 
 /// What a step's file says of it.

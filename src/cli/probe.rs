@@ -26,8 +26,9 @@ Examples:
   bulbfold probe mandelbox --points points.csv --precision f32
   bulbfold probe mandelbulb --rays rays.csv --pixel-radius 0.0005 --de gradient
 
-A point gives p, escaped, iterations, z, r and de (every method that applies); a ray gives hit, t (null on a
-miss), estimates and iterations. Numbers that are not finite are null.")]
+A point gives p, escaped, iterations, z, r and de (every method that applies).
+A ray gives hit, t (null on a miss), estimates and iterations.
+Numbers that are not finite are null.")]
 pub struct Arguments {
     #[command(flatten)]
     formula: FormulaArgs,
@@ -116,6 +117,7 @@ impl Probe<'_> {
                 1e-3
             }),
             hit_eps: self.arguments.hit_eps.unwrap_or(0.0),
+            min_difference: self.precision.min_difference(),
             ..MarchSettings::default()
         };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
@@ -138,7 +140,7 @@ impl Probe<'_> {
         let plan = self.plan()?;
         let applicable: Vec<Method> =
             Method::ALL.into_iter().filter(|m| plan.choices.iter().all(|c| c.applicable.contains(m))).collect();
-        let smallest = if self.precision == PrecisionArg::F64 { 1e-8 } else { 1e-5 };
+        let smallest = self.precision.min_difference();
         let first_step = vec![(plan.bounding_radius * 1e-4).max(smallest); points.len()];
         let mut estimates: Vec<(&str, Vec<f64>)> = Vec::new();
         let mut orbits = None;

@@ -43,6 +43,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     report.print_end(out)?;
     match report.failed() {
         0 => Ok(()),
+        1 => Err(Failure::Work(message("a test failed", ""))),
         count => Err(Failure::Work(message(&format!("{count} tests failed"), ""))),
     }
 }

@@ -1,6 +1,6 @@
 //! The steps that formulas can use: the built-in ones and those of a user's folders, found and read alike.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::rc::Rc;
 
@@ -16,6 +16,8 @@ pub struct Library {
     /// Runs step files, parameter expressions and graph scripts.
     pub engine: ScriptEngine,
     steps: BTreeMap<String, Rc<Step>>,
+    /// Names of step files with errors.
+    broken: BTreeSet<String>,
 }
 
 impl Library {
@@ -23,7 +25,12 @@ impl Library {
     ///
     /// Panics if a built-in file has an error, which a test rules out.
     pub fn builtin() -> Library {
-        let mut library = Library { sources: Sources::default(), engine: ScriptEngine::new(), steps: BTreeMap::new() };
+        let mut library = Library {
+            sources: Sources::default(),
+            engine: ScriptEngine::new(),
+            steps: BTreeMap::new(),
+            broken: BTreeSet::new(),
+        };
         let mut diagnostics = Diagnostics::default();
         for (name, text) in embedded::STEPS {
             let id = library.sources.add(format!("formulas/steps/{name}.rhai"), *text);
@@ -38,8 +45,14 @@ impl Library {
     }
 
     fn add_step(&mut self, name: &str, id: SourceId, diagnostics: &mut Diagnostics) {
-        if let Some(step) = Step::read(&self.engine, &self.sources, id, name, diagnostics) {
-            self.steps.insert(name.to_string(), Rc::new(step));
+        match Step::read(&self.engine, &self.sources, id, name, diagnostics) {
+            Some(step) => {
+                self.broken.remove(name);
+                self.steps.insert(name.to_string(), Rc::new(step));
+            }
+            None => {
+                self.broken.insert(name.to_string());
+            }
         }
     }
 
@@ -60,8 +73,10 @@ impl Library {
         }
     }
 
-    /// Reads the steps that lie beside a formula file: every `*.rhai` that defines `fn step`.
+    /// Reads the steps that lie beside a formula file: every `*.rhai` that defines `fn step`. An empty path is the current
+    /// folder.
     pub fn add_beside(&mut self, folder: &Path, diagnostics: &mut Diagnostics) {
+        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let mut files: Vec<_> =
             std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
         files.sort();
@@ -96,6 +111,16 @@ impl Library {
     /// The step of this name.
     pub fn step(&self, name: &str) -> Option<&Rc<Step>> {
         self.steps.get(name)
+    }
+
+    /// Whether a file of this name was read whose errors were reported, so that its uses need no message.
+    pub fn is_broken(&self, name: &str) -> bool {
+        self.broken.contains(name)
+    }
+
+    /// Names of all such files.
+    pub fn broken(&self) -> impl Iterator<Item = &str> {
+        self.broken.iter().map(String::as_str)
     }
 
     /// All steps by name.

@@ -4,12 +4,15 @@ use std::rc::Rc;
 
 use rhai::{AST, Dynamic, Engine, EvalAltResult, ParseError, Position, Scope};
 
-use super::symbolic::{self, SYMBOL_NAME, Symbol, Tracer};
+use super::symbolic::{self, FUNCTIONS, SYMBOL_NAME, Symbol, Tracer};
 use super::value::{Name, Value, ValueKind};
 use crate::diag::{Diagnostic, SourceId, Sources, Span};
+use crate::expr::ops::Operator;
 
 /// Operations that one script may execute.
 const MAX_OPERATIONS: u64 = 2_000_000;
+/// How deep functions of a script may call each other.
+const MAX_CALL_LEVELS: usize = 32;
 
 /// A Rhai engine with the symbolic type, and the tracer that its functions report to.
 pub struct ScriptEngine {
@@ -26,7 +29,7 @@ impl ScriptEngine {
             .set_fast_operators(false)
             .set_fail_on_invalid_map_property(true)
             .set_max_operations(MAX_OPERATIONS)
-            .set_max_call_levels(32)
+            .set_max_call_levels(MAX_CALL_LEVELS)
             .set_max_expr_depths(64, 48)
             .set_max_string_size(100_000)
             .set_max_array_size(10_000)
@@ -59,7 +62,9 @@ impl ScriptEngine {
 
     /// Runs a script's own statements and returns the value of the last one.
     pub fn run(&self, sources: &Sources, id: SourceId, ast: &AST, scope: &mut Scope) -> Result<Dynamic, Diagnostic> {
-        self.engine.eval_ast_with_scope::<Dynamic>(scope, ast).map_err(|error| self.runtime_error(sources, id, &error))
+        self.engine
+            .eval_ast_with_scope::<Dynamic>(scope, ast)
+            .map_err(|error| self.runtime_error(sources, id, ast, "", &error))
     }
 
     /// Calls a function of a script.
@@ -74,7 +79,7 @@ impl ScriptEngine {
         let options = rhai::CallFnOptions::new().eval_ast(false);
         self.engine
             .call_fn_with_options::<Dynamic>(options, &mut base_scope(), ast, name, args)
-            .map_err(|error| self.runtime_error(sources, id, &error))
+            .map_err(|error| self.runtime_error(sources, id, ast, name, &error))
     }
 
     /// Evaluates an expression with the given variables. The error is a plain sentence.
@@ -82,20 +87,70 @@ impl ScriptEngine {
         self.engine.eval_expression_with_scope::<Dynamic>(scope, text).map_err(|error| plain(&error))
     }
 
-    fn runtime_error(&self, sources: &Sources, id: SourceId, error: &EvalAltResult) -> Diagnostic {
-        let mut inner = error;
-        while let EvalAltResult::ErrorInFunctionCall(_, _, cause, _) = inner {
-            inner = cause;
+    /// The message for an error; `function` was called from outside, or it is empty.
+    fn runtime_error(
+        &self,
+        sources: &Sources,
+        id: SourceId,
+        ast: &AST,
+        function: &str,
+        error: &EvalAltResult,
+    ) -> Diagnostic {
+        let (mut inner, mut function) = (error, function);
+        while let EvalAltResult::ErrorInFunctionCall(name, _, cause, _) = inner {
+            (inner, function) = (cause, name);
         }
-        let mut position = inner.position();
-        if position.is_none() {
-            position = self.tracer.last_position();
+        let diagnostic = Diagnostic::error(plain(inner));
+        match inner {
+            EvalAltResult::ErrorTooManyOperations(_) => {
+                let label = if function.is_empty() { "in this script" } else { "while this function ran" };
+                let help =
+                    format!("does a loop never end? A script may run {MAX_OPERATIONS} operations, all loops together");
+                diagnostic.label(function_span(sources, id, function), label).help(help)
+            }
+            EvalAltResult::ErrorStackOverflow(_) => {
+                let (span, label) = match self_call(sources, id, ast) {
+                    Some(span) => (span, "a function calls itself here"),
+                    None => (function_span(sources, id, function), "while this function ran"),
+                };
+                let help = format!(
+                    "calls may be {MAX_CALL_LEVELS} deep; repeat something with a loop over a known number of times"
+                );
+                diagnostic.label(span, label).help(help)
+            }
+            _ => {
+                let last = self.tracer.last_position();
+                let span = match (inner.position(), last) {
+                    (at, _) if !at.is_none() => span_of(sources, id, at),
+                    (_, last) if !last.is_none() => span_of(sources, id, last),
+                    _ => function_span(sources, id, function),
+                };
+                self.with_help(diagnostic.label(span, ""), ast, inner)
+            }
         }
-        let mut diagnostic = Diagnostic::error(plain(inner)).label(span_of(sources, id, position), "");
-        if is_symbolic_condition(inner) {
-            diagnostic = diagnostic.help("use `select(condition, a, b)`, and `and(a, b)`, `or(a, b)`, `not(a)`");
+    }
+
+    /// Adds what to do about the error.
+    fn with_help(&self, diagnostic: Diagnostic, ast: &AST, error: &EvalAltResult) -> Diagnostic {
+        if is_symbolic_condition(error) {
+            return diagnostic.help("use `select(condition, a, b)`, and `and(a, b)`, `or(a, b)`, `not(a)`");
         }
-        diagnostic
+        let EvalAltResult::ErrorFunctionNotFound(signature, _) = error else {
+            return diagnostic;
+        };
+        let name = signature.split([' ', '(']).next().unwrap_or_default();
+        if let Some(operator) = Operator::ALL.iter().map(|operator| operator.info()).find(|info| info.name == name) {
+            return diagnostic.help(format!("`{name}` takes {} argument{}", operator.arity, plural(operator.arity)));
+        }
+        if let Some((call, _)) = FUNCTIONS.iter().find(|(call, _)| call.split('(').next() == Some(name)) {
+            return diagnostic.help(format!("write `{call}`"));
+        }
+        let known = self.tracer.functions();
+        let own = ast.iter_functions().map(|f| f.name);
+        if ast.iter_functions().any(|f| f.name == name) {
+            return diagnostic.help(format!("there is a `{name}`, but it takes other arguments"));
+        }
+        diagnostic.did_you_mean(name, known.iter().copied().chain(own))
     }
 }
 
@@ -112,6 +167,32 @@ pub fn base_scope() -> Scope<'static> {
 
 fn span_of(sources: &Sources, id: SourceId, position: Position) -> Span {
     sources.span_at(id, position.line().unwrap_or(1), position.position().unwrap_or(1))
+}
+
+/// Place of a function's head; of the script's start where there is no such function.
+fn function_span(sources: &Sources, id: SourceId, name: &str) -> Span {
+    let head = format!("fn {name}(");
+    match sources.text(id).find(&head) {
+        Some(at) if !name.is_empty() => Span::new(id, at, at + head.len() - 1),
+        _ => sources.span_at(id, 1, 1),
+    }
+}
+
+fn plural(count: usize) -> &'static str {
+    if count == 1 { "" } else { "s" }
+}
+
+/// Place where a function of the script calls itself, found in its text.
+fn self_call(sources: &Sources, id: SourceId, ast: &AST) -> Option<Span> {
+    let text = sources.text(id);
+    ast.iter_functions().find_map(|function| {
+        let start = text.find(&format!("fn {}(", function.name))? + 3 + function.name.len();
+        let end = text[start..].find("\nfn ").map_or(text.len(), |at| start + at);
+        let call = format!("{}(", function.name);
+        let is_word = |at: usize| !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
+        let found = text[start..end].match_indices(&call).map(|(at, _)| start + at).find(|at| is_word(*at))?;
+        Some(Span::new(id, found, found + function.name.len()))
+    })
 }
 
 fn parse_error(sources: &Sources, id: SourceId, error: &ParseError) -> Diagnostic {
@@ -138,8 +219,9 @@ fn plain(error: &EvalAltResult) -> String {
     match error {
         EvalAltResult::ErrorRuntime(value, _) => value.to_string(),
         EvalAltResult::ErrorTooManyOperations(_) => {
-            format!("the script runs more than {MAX_OPERATIONS} operations; does a loop never end?")
+            format!("the script runs more than {MAX_OPERATIONS} operations")
         }
+        EvalAltResult::ErrorStackOverflow(_) => "the script calls itself without end".into(),
         EvalAltResult::ErrorParsing(kind, _) => kind.to_string(),
         other => {
             let text = other.to_string();

@@ -39,12 +39,28 @@ impl Symbol {
 
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
 
+/// Functions of step scripts beside the operators: how each is called, and what it gives.
+pub const FUNCTIONS: &[(&str, &str)] = &[
+    ("tan(a)", "The tangent of an angle in radians."),
+    ("fract(a)", "The part behind the decimal point: a - floor(a)."),
+    ("mix(a, b, t)", "a + (b - a) t: a where t is 0, b where t is 1."),
+    ("vec3(x, y, z)", "A vector of three numbers."),
+    ("vec4(x, y, z, w)", "A vector of four numbers; vec4(v, w) takes the first three from a vector."),
+    ("length(v)", "The length of a vector."),
+    ("normalize(v)", "The vector of length 1 in the same direction; NaN for the zero vector."),
+    ("dot(a, b)", "The scalar product of two vectors."),
+    ("cross(a, b)", "The vector product of two vectors of three components."),
+    ("mat_mul(rows, v)", "A matrix, given as a list of its rows, times a vector."),
+    ("is_constant(a)", "Whether the value is known while the script runs, so that `if` may ask for it."),
+];
+
 /// The state of a trace: where nodes go and which text the positions belong to.
 #[derive(Default)]
 pub struct Tracer {
     arena: RefCell<Rc<Arena>>,
     text: RefCell<Option<(SourceId, Vec<u32>)>>,
     last_position: Cell<Position>,
+    functions: RefCell<Vec<&'static str>>,
 }
 
 impl Tracer {
@@ -60,6 +76,11 @@ impl Tracer {
     /// Place of the last traced call; errors that carry no position of their own are reported there.
     pub fn last_position(&self) -> Position {
         self.last_position.get()
+    }
+
+    /// Names of the functions that work on symbolic values.
+    pub fn functions(&self) -> Vec<&'static str> {
+        self.functions.borrow().clone()
     }
 
     fn mark(&self, context: &NativeCallContext) -> Fallible<Rc<Arena>> {
@@ -220,6 +241,7 @@ fn register_functions(engine: &mut Engine, tracer: &Rc<Tracer>) {
     use Operator as O;
     macro_rules! function {
         ($name:literal, |$arena:ident, $($arg:ident),+| $body:expr) => {{
+            tracer.functions.borrow_mut().push($name);
             let tracer = tracer.clone();
             engine.register_fn($name, move |context: NativeCallContext, $($arg: Dynamic),+| -> Fallible<Dynamic> {
                 let $arena = &tracer.mark(&context)?;
@@ -260,6 +282,7 @@ fn register_functions(engine: &mut Engine, tracer: &Rc<Tracer>) {
 fn register_vectors(engine: &mut Engine, tracer: &Rc<Tracer>) {
     macro_rules! function {
         ($name:literal, |$arena:ident, $($arg:ident : $ty:ty),+| $body:expr) => {{
+            tracer.functions.borrow_mut().push($name);
             let tracer = tracer.clone();
             engine.register_fn($name, move |context: NativeCallContext, $($arg: $ty),+| -> Fallible<Dynamic> {
                 let $arena = &tracer.mark(&context)?;
@@ -339,4 +362,24 @@ fn component<'g>(v: &'g Symbol, i: usize, name: &str) -> Fallible<Expr<'g>> {
         return Err(format!("a {ty} has no component `{name}`").into());
     }
     Ok(v.expr().component(i as u8))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::FUNCTIONS;
+    use crate::expr::ops::Operator;
+    use crate::formula::script::ScriptEngine;
+
+    #[test]
+    fn every_function_is_documented() {
+        let mut known = ScriptEngine::new().tracer.functions();
+        known.sort_unstable();
+        known.dedup();
+        let own: Vec<&str> = FUNCTIONS.iter().map(|(call, _)| call.split('(').next().unwrap_or_default()).collect();
+        for name in &known {
+            let is_operator = Operator::ALL.iter().any(|operator| operator.info().name == *name);
+            assert!(is_operator != own.contains(name), "{name} must be an operator or stand in FUNCTIONS");
+        }
+        assert!(own.iter().all(|name| known.contains(name)), "FUNCTIONS holds a name that does not exist");
+    }
 }

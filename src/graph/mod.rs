@@ -1,11 +1,12 @@
 //! The graph: a fractal as nodes and wires, after its file was read and before anything is computed.
 //!
-//! In comes the value tree of a RON file or script ([`read`]); out comes a [`ValidGraph`]: every name is known, every
+//! In comes the value tree of a RON file or script ([`read()`]); out comes a [`ValidGraph`]: every name is known, every
 //! parameter in its range, there is no cycle, maps and distance fields stand where they belong. Whatever takes a
 //! `ValidGraph` need not fail for the user's mistakes any more (but for errors inside a step's own script).
 
 mod fields;
 mod nodes;
+mod overrides;
 pub mod print;
 mod read;
 mod schedule;
@@ -14,7 +15,8 @@ mod settings;
 mod tests_of_formula;
 mod validate;
 
-pub use read::{Override, read};
+pub use overrides::Override;
+pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{Camera, Constant, DeForm, EstimateSettings, Look, Method, OrbitSettings};
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};

@@ -40,8 +40,8 @@ impl Reader<'_> {
             return self.step(name, value);
         }
         match &value.kind {
-            ValueKind::Tuple { items, .. } => self.tuple_node(name, items, value),
-            ValueKind::Struct { .. } => self.struct_node(name, value),
+            ValueKind::Tuple { items, .. } if !items.is_empty() => self.tuple_node(name, items, value),
+            ValueKind::Tuple { .. } | ValueKind::Struct { .. } => self.struct_node(name, value),
             _ => {
                 self.d.push(
                     Diagnostic::error(format!("`{}` needs its parts", name.text))
@@ -54,7 +54,9 @@ impl Reader<'_> {
 
     fn step(&mut self, name: &Name, value: &Value) -> Kind {
         let Some(step) = self.library.step(&name.text).cloned() else {
-            self.unknown_node(name);
+            if !self.library.is_broken(&name.text) {
+                self.unknown_node(name);
+            }
             return None;
         };
         let fields: &[(Name, Value)] = match &value.kind {

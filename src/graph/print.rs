@@ -9,8 +9,8 @@ use crate::formula::step::ParamValue;
 pub fn listing(graph: &Graph) -> String {
     let mut text = format!("fractal {}\n", graph.name);
     for param in &graph.params {
-        let _ =
-            writeln!(text, "  param {} = {} ({} to {}) {}", param.name, param.value, param.min, param.max, param.unit);
+        let line = format!("  param {} = {} ({} to {}) {}", param.name, param.value, param.min, param.max, param.unit);
+        let _ = writeln!(text, "{}", line.trim_end());
     }
     for node in &graph.nodes {
         let _ = writeln!(text, "  {} = {}", node.name, describe(graph, &node.kind));

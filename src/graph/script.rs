@@ -20,7 +20,7 @@ use std::rc::Rc;
 use rhai::{Array, Dynamic, Engine, EvalAltResult, INT, Map, NativeCallContext, Position};
 
 use super::nodes::KEYWORDS;
-use super::read::Override;
+use super::overrides::Override;
 use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
 use crate::expr::Arena;
 use crate::formula::library::Library;
@@ -81,7 +81,7 @@ struct Run {
 }
 
 /// Runs a graph script whose text is in the library's sources. Parameters that it asks for are taken from `overrides`
-/// and declared in the result, so [`read`](super::read) accepts those overrides.
+/// and declared in the result, so [`read`](super::read()) accepts those overrides.
 pub fn run_script(library: &Library, text: SourceId, overrides: &[Override], d: &mut Diagnostics) -> Option<Value> {
     if library.sources.text(text).contains("fn step(") {
         let message = "this is a step, not a graph script";
@@ -117,14 +117,23 @@ fn with_nearest(diagnostic: Diagnostic, library: &Library) -> Diagnostic {
         return diagnostic;
     };
     let name = rest.split([' ', '(']).next().unwrap_or_default();
-    let steps = library.steps().map(|step| step.name.as_str());
-    diagnostic.did_you_mean(name, KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(steps))
+    let constructors =
+        || KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(library.steps().map(|s| s.name.as_str()));
+    if constructors().any(|known| known == name) {
+        return diagnostic
+            .help(format!("`{name}` takes at most three parts, a list of parts, or #{{ name: part, ... }}"));
+    }
+    match diagnostic.help.is_empty() {
+        true => diagnostic.did_you_mean(name, constructors()),
+        false => diagnostic,
+    }
 }
 
 fn register(engine: &mut Engine, library: &Library, run: &Rc<Run>) {
     engine.register_type_with_name::<Made>("graph node");
     let steps: Vec<String> = library.steps().map(|step| step.name.clone()).collect();
-    let steps = steps.iter().map(String::as_str);
+    // A broken step's uses are none of the script's errors.
+    let steps = steps.iter().map(String::as_str).chain(library.broken());
     for name in KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(steps) {
         register_constructor(engine, name, run);
     }

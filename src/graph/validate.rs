@@ -6,7 +6,7 @@ use super::{Camera, Graph, Node, NodeKind, NodeRef, OrbitSettings};
 use crate::diag::{Diagnostic, Diagnostics};
 use crate::formula::step::StateWidth;
 
-/// A graph that [`validate`] has passed: no cycles, the right kind of node on every wire. Its output is a field.
+/// A graph that `validate` has passed: no cycles, the right kind of node on every wire. Its output is a field.
 #[derive(Clone)]
 pub struct ValidGraph(Graph);
 

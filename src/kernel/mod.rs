@@ -3,7 +3,7 @@
 //! A [`Kernel`] is a straight-line [`Function`] applied to many elements, an [`Estimator`] (orbits iterated until they
 //! escape, and what is made of their end states), or a [`March`] (an estimator called along rays). In come columns of
 //! numbers, one a scalar of the kernel's inputs; out come columns of its outputs. A back end is a [`Backend`]: the
-//! [`cpu`] interpreter in f64 or wide f32, and the [`gpu`](crate::kernel::gpu) through generated [`wgsl`].
+//! [`cpu`] interpreter in f64 or wide f32, and the `gpu` back end through generated [`wgsl`].
 
 pub mod cpu;
 #[cfg(feature = "gpu")]
@@ -54,7 +54,7 @@ pub struct Estimator {
 
 /// An estimator called along rays until each has hit, missed or run out of steps.
 ///
-/// The estimator's outputs start with `de: number, inside: boolean`. `locate` takes the [`RAY`] ports and the [`STATE`]
+/// The estimator's outputs start with `de: number, inside: boolean`. `locate` takes the `RAY` ports and the `STATE`
 /// ports and gives `p: vec3, h: number, hit_eps: number`; `advance` takes the same and `de, inside` and gives the new state.
 #[derive(Clone, Debug)]
 pub struct March {
