@@ -1,7 +1,7 @@
 //! The composer: from a graph to estimators.
 //!
 //! In comes a [`ValidGraph`] and, for each of its orbits, a [`Choice`] of method, form and radius. Out come
-//! [`Estimator`]s over one arena: `de` and `inside` for marching, normals and traps for shading, everything for probing.
+//! [`Estimator`](crate::kernel::Estimator)s over one arena: `de` and `inside` for marching, normals and traps for shading, everything for probing.
 //! The composer, never a step, adds `c` and owns the running derivative's "+1"; it differentiates whole iterations, so
 //! equal subexpressions of value and derivative are computed once.
 

@@ -233,7 +233,7 @@ fn into_factor<'g>(constant: Expr<'g>, product: Expr<'g>) -> Option<Expr<'g>> {
         (Some(_), _) => Some((constant * a) * b),
         (_, Some(_)) => Some((constant * b) * a),
         // A product that is scaled already is shared as it is: one more factor costs one multiplication.
-        _ if scaled(a).is_some() || scaled(b).is_some() => return None,
+        _ if scaled(a).is_some() || scaled(b).is_some() => None,
         _ => Some((constant * a) * b),
     }
 }
