@@ -172,7 +172,7 @@ fn try_graph(library: &mut Library, text: &str, counts: &mut Counts) {
         columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
     }
     Backends::cpu_only().run(Target::CpuF32, &arena, &march, &columns).unwrap();
-    if counts.drawn % 20 == 0 {
+    if counts.drawn.is_multiple_of(20) {
         wgsl::validate(&wgsl::write(&arena, &march)).unwrap();
     }
 }
