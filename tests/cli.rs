@@ -135,7 +135,7 @@ fn a_probe_of_points_gives_a_line_each_in_order() {
     let folder = folder();
     std::fs::write(folder.path().join("points.csv"), "x,y,z\r\n\r\n 1.3, 0, 0\r\n0,0,0\n")
         .expect("the file is written");
-    let arguments = ["probe", "mandelbulb", "--points", "points.csv"];
+    let arguments = ["probe", "mandelbulb", "--json", "--points", "points.csv"];
     let output = bulbfold(folder.path(), &arguments);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let lines = json_lines(&output);
@@ -145,15 +145,19 @@ fn a_probe_of_points_gives_a_line_each_in_order() {
     for method in ["scalar", "gradient", "combined", "delta"] {
         assert!(lines[0]["de"][method].as_f64().is_some_and(|de| de > 0.1 && de < 0.3), "{}", lines[0]);
     }
-    let output = bulbfold(folder.path(), &["probe", "mandelbulb", "--point", "-1.3,0,-2", "--precision", "f32"]);
+    let output =
+        bulbfold(folder.path(), &["probe", "mandelbulb", "--json", "--point", "-1.3,0,-2", "--precision", "f32"]);
     assert_eq!(json_lines(&output)[0]["p"], serde_json::json!([-1.3, 0.0, -2.0]));
+    let output = bulbfold(folder.path(), &["probe", "mandelbulb", "--point", "1.3,0,0"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("escaped true") && text.contains("p (1.300000, 0.000000, 0.000000)"), "{text}");
 }
 
 #[test]
 fn a_bad_line_of_points_is_named() {
     let folder = folder();
     std::fs::write(folder.path().join("points.csv"), "1,2,3\n\n1,2\n").expect("the file is written");
-    let output = bulbfold(folder.path(), &["probe", "mandelbulb", "--points", "points.csv"]);
+    let output = bulbfold(folder.path(), &["probe", "mandelbulb", "--json", "--points", "points.csv"]);
     assert_eq!(code(&output), 2);
     assert!(stderr(&output).contains("points.csv:3"), "{}", stderr(&output));
 }
@@ -162,7 +166,8 @@ fn a_bad_line_of_points_is_named() {
 fn a_probe_of_rays_hits_or_misses() {
     let folder = folder();
     std::fs::write(folder.path().join("rays.csv"), "0,-3,0,0,2,0\n0,-3,0,1,0,0\n0,0,0,0,0,1\n").expect("written");
-    let output = bulbfold(folder.path(), &["probe", "mandelbulb", "--rays", "rays.csv", "--hit-eps", "0.001"]);
+    let output =
+        bulbfold(folder.path(), &["probe", "mandelbulb", "--json", "--rays", "rays.csv", "--hit-eps", "0.001"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let lines = json_lines(&output);
     let depth = lines[0]["t"].as_f64().expect("the first ray hits");

@@ -56,7 +56,7 @@ enum Command {
     Compile(compile::Arguments),
     /// Run the tests that formula and step files hold, on every back end.
     Test(test::Arguments),
-    /// Print what the formula says at points or along rays, as JSON lines.
+    /// Print what the formula says at points or along rays, as text or JSON lines.
     Probe(probe::Arguments),
     /// List steps, fractals and scripts.
     List(list::Arguments),

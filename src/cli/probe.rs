@@ -1,4 +1,4 @@
-//! `bulbfold probe`: what a formula says at points and along rays, one JSON object a line, in input order.
+//! `bulbfold probe`: what a formula says at points and along rays, a line of text or JSON each, in input order.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -23,7 +23,7 @@ use super::{Failure, Outcome, Session, usage};
 #[command(after_help = "\
 Examples:
   bulbfold probe mandelbulb --point 1.3,0,0 --point -0.5,0.2,1
-  bulbfold probe mandelbox --points points.csv --precision f32
+  bulbfold probe mandelbox --points points.csv --precision f32 --json
   bulbfold probe mandelbulb --rays rays.csv --pixel-radius 0.0005 --de gradient
 
 A point gives p, escaped, iterations, z, r and de (every method that applies).
@@ -41,6 +41,9 @@ pub struct Arguments {
     /// Rays, a line `ox,oy,oz,dx,dy,dz` each; directions may have any length
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["point", "points"])]
     rays: Option<PathBuf>,
+    /// Write one JSON object a line instead of text
+    #[arg(long)]
+    json: bool,
     /// Precision [default: f64]
     #[arg(long, value_enum)]
     precision: Option<PrecisionArg>,
@@ -131,7 +134,7 @@ impl Probe<'_> {
             let line = json!({
                 "hit": hit, "t": t, "estimates": column("steps")[i] as u64, "iterations": column("iterations")[i] as u64,
             });
-            writeln!(out, "{line}")?;
+            self.write_line(&line, out)?;
         }
         Ok(())
     }
@@ -169,7 +172,20 @@ impl Probe<'_> {
             let line = json!({
                 "p": p, "escaped": orbits[1][i] < 0.5, "iterations": orbits[2][i] as u64, "z": z, "r": orbits[3][i], "de": de,
             });
-            writeln!(out, "{line}")?;
+            self.write_line(&line, out)?;
+        }
+        Ok(())
+    }
+
+    /// Writes an answer as JSON or as text.
+    fn write_line(&self, line: &Value, out: &mut dyn Write) -> Outcome {
+        match (self.arguments.json, line) {
+            (false, Value::Object(fields)) => {
+                let fields: Vec<String> =
+                    fields.iter().map(|(name, value)| format!("{name} {}", as_text(value))).collect();
+                writeln!(out, "{}", fields.join("  "))?;
+            }
+            _ => writeln!(out, "{line}")?,
         }
         Ok(())
     }
@@ -243,6 +259,24 @@ impl Job for KernelJob<'_> {
         let prepared = backend.prepare(self.arena, self.kernel)?;
         let columns = backend.upload(self.columns)?;
         backend.download(&backend.run(&prepared, &[&columns])?)
+    }
+}
+
+/// An answer's value for people: vectors in brackets, numbers to six digits.
+fn as_text(value: &Value) -> String {
+    match value {
+        Value::Number(number) => match (number.as_u64(), number.as_f64()) {
+            (Some(whole), _) => whole.to_string(),
+            (_, Some(x)) if x != 0.0 && !(1e-4..1e7).contains(&x.abs()) => format!("{x:.5e}"),
+            (_, x) => format!("{:.6}", x.unwrap_or(f64::NAN)),
+        },
+        Value::Array(items) => format!("({})", items.iter().map(as_text).collect::<Vec<_>>().join(", ")),
+        Value::Object(fields) => {
+            let fields: Vec<String> = fields.iter().map(|(name, value)| format!("{name} {}", as_text(value))).collect();
+            format!("({})", fields.join(", "))
+        }
+        Value::Null => "none".into(),
+        other => other.to_string(),
     }
 }
 
