@@ -2,7 +2,7 @@
 //! design's rules and two measurements in f64, growth far out and extent.
 
 use super::orbit::{compose_growth, scalar_rules, steps_of};
-use super::{ComposeResult, Composer, FieldOrbit, Purpose, compose_estimator, field_orbits};
+use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
 use crate::graph::{DeForm, EstimateSettings, Method, NodeKind, NodeRef, Primitive};
 use crate::kernel::cpu::{Cpu, Precision};
@@ -50,18 +50,18 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
         choices.push(choose_orbit(composer, orbit, &settings, &mut warnings)?);
     }
     let mut radii = Vec::new();
-    for (i, (orbit, choice)) in orbits.iter().zip(&mut choices).enumerate() {
+    for (orbit, choice) in orbits.iter().zip(&mut choices) {
         let extent = measure_extent(composer, orbit)?;
         let fixed = merge(wanted, &orbit.settings.estimate).radius;
         if choice.form == DeForm::Linear {
             // Beyond half the escape radius the form would say 0 right where orbits escape.
             choice.radius = fixed.unwrap_or_else(|| extent.min(orbit.settings.escape_radius * 0.5));
         }
-        radii.push((i, orbit.frame.reach(extent)));
+        radii.push(orbit.frame.reach(extent));
     }
     let bounding_radius = match composer.graph.bounding_radius {
         Some(radius) => radius,
-        None => field_reach(composer, &orbits, &radii),
+        None => field_reach(composer, &radii),
     };
     let fudge = wanted.fudge.unwrap_or_else(|| choices.iter().map(|c| c.fudge).fold(1.0, f64::min));
     Ok(Plan { choices, bounding_radius, fudge, warnings })
@@ -251,9 +251,8 @@ fn outermost_member(cpu: &Cpu, composer: &Composer, membership: &Kernel) -> Opti
 }
 
 /// Radius of a ball around the world's origin that holds the output. Unbounded primitives are cut to the rest's size.
-fn field_reach(composer: &Composer, orbits: &[FieldOrbit], radii: &[(usize, f64)]) -> f64 {
-    let of_orbits = radii.iter().map(|(_, reach)| *reach).fold(0.0, f64::max);
-    let _ = orbits;
+fn field_reach(composer: &Composer, radii: &[f64]) -> f64 {
+    let of_orbits = radii.iter().copied().fold(0.0, f64::max);
     let mut of_primitives: f64 = 0.0;
     let mut stack = vec![(composer.graph.output, super::placement::Frame::default())];
     while let Some((node, frame)) = stack.pop() {
@@ -282,9 +281,4 @@ fn primitive_reach(primitive: &Primitive) -> Option<f64> {
         Primitive::Cylinder { centre, radius, half_height } => Some(length(centre) + radius.hypot(half_height)),
         Primitive::Plane { .. } => None,
     }
-}
-
-/// The estimator of a purpose with given choices, as a kernel.
-pub fn estimate_kernel(composer: &Composer, choices: &[Choice], purpose: Purpose) -> ComposeResult<Kernel> {
-    Ok(Kernel::Estimate(compose_estimator(composer, choices, purpose)?))
 }

@@ -4,7 +4,7 @@ use super::read::{Kind, Reader};
 use super::{Condition, NodeKind, NodeRef, ParamInput, Placement, Primitive, SphereForm};
 use crate::diag::Diagnostic;
 use crate::formula::decode::{Fields, wrong_type};
-use crate::formula::step::{ParamKind, ParamValue, Step, StepParam, decode_param, unknown_param};
+use crate::formula::step::{ParamKind, ParamValue, StepParam, decode_param, unknown_param};
 use crate::formula::value::{Name, Value, ValueKind};
 
 /// Kinds of node other than steps.
@@ -81,7 +81,7 @@ impl Reader<'_> {
             .params
             .iter()
             .map(|param| match fields.iter().find(|(n, _)| n.text == param.name) {
-                Some((_, value)) => self.param_input(&step, param, value),
+                Some((_, value)) => self.param_input(param, value),
                 None => Some(ParamInput::Known(param.default.clone())),
             })
             .collect();
@@ -90,8 +90,7 @@ impl Reader<'_> {
     }
 
     /// A parameter: a plain value, or an expression of the fractal's parameters and the iteration number `n`.
-    fn param_input(&mut self, step: &Step, param: &StepParam, value: &Value) -> Option<ParamInput> {
-        let _ = step;
+    fn param_input(&mut self, param: &StepParam, value: &Value) -> Option<ParamInput> {
         let resolved = match (&value.kind, &param.kind) {
             (ValueKind::Str(_), ParamKind::Choice(_)) => value.clone(),
             (ValueKind::Str(text), _) => {
@@ -259,6 +258,7 @@ impl Reader<'_> {
         kind
     }
 
+    /// Makes a node of parts that may be missing, once all its fields were read and their errors told.
     fn build(&self, make: impl FnOnce() -> Kind) -> Kind {
         make()
     }

@@ -97,16 +97,8 @@ pub struct Tape {
     pub register_count: usize,
 }
 
-/// Where a tape's pinned registers lie: inputs from `inputs_at`; constants and temporaries from `free_from`.
-#[derive(Clone, Copy, Debug)]
-pub struct Layout {
-    /// First input register.
-    pub inputs_at: u16,
-    /// First register that no tape of the group pins.
-    pub free_from: u16,
-}
-
-/// Lowers functions that share a register file. `constants` are shared and lie directly at `free_from`.
+/// Lowers functions that share a register file: each with the register of its first input, which none may overwrite.
+/// Their constants are shared and lie from `free_from`, behind all inputs; temporaries follow.
 pub fn lower_group(arena: &Arena, functions: &[(&Function, u16)], free_from: u16) -> (Vec<Tape>, Constants) {
     let mut constants = Constants::default();
     for (function, _) in functions {
