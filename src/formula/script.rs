@@ -233,19 +233,24 @@ fn plain(error: &EvalAltResult) -> String {
     }
 }
 
+/// A boolean, number or string of a script; nothing for values that hold others.
+pub fn plain_kind(value: &Dynamic) -> Option<ValueKind> {
+    if let Ok(b) = value.as_bool() {
+        return Some(ValueKind::Bool(b));
+    }
+    if let Ok(x) = value.as_float().or_else(|_| value.as_int().map(|i| i as f64)) {
+        return Some(ValueKind::Number(x));
+    }
+    value.read_lock::<rhai::ImmutableString>().map(|text| ValueKind::Str(text.to_string()))
+}
+
 /// A script's value as a value tree, the form in which RON files arrive too. `span` stands for all of it; fields found
 /// in the text get their own place.
 pub fn to_value(value: &Dynamic, span: &dyn Fn(Option<&str>) -> Span) -> Value {
     let kind = if value.is_unit() {
         ValueKind::Unit
-    } else if let Ok(b) = value.as_bool() {
-        ValueKind::Bool(b)
-    } else if let Ok(x) = value.as_float() {
-        ValueKind::Number(x)
-    } else if let Ok(x) = value.as_int() {
-        ValueKind::Number(x as f64)
-    } else if let Some(text) = value.read_lock::<rhai::ImmutableString>() {
-        ValueKind::Str(text.to_string())
+    } else if let Some(kind) = plain_kind(value) {
+        kind
     } else if let Some(items) = value.read_lock::<rhai::Array>() {
         ValueKind::List(items.iter().map(|item| to_value(item, span)).collect())
     } else if let Some(map) = value.read_lock::<rhai::Map>() {

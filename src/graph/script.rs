@@ -309,14 +309,8 @@ fn convert(value: &Dynamic, span: Span, count: &mut usize) -> Fallible<Value> {
             value.span = span;
         }
         return Ok(value);
-    } else if let Ok(b) = value.as_bool() {
-        ValueKind::Bool(b)
-    } else if let Ok(x) = value.as_float() {
-        ValueKind::Number(x)
-    } else if let Ok(x) = value.as_int() {
-        ValueKind::Number(x as f64)
-    } else if let Some(text) = value.read_lock::<rhai::ImmutableString>() {
-        ValueKind::Str(text.to_string())
+    } else if let Some(kind) = crate::formula::script::plain_kind(value) {
+        kind
     } else if let Some(items) = value.read_lock::<Array>() {
         ValueKind::List(items.iter().map(|item| convert(item, span, count)).collect::<Fallible<_>>()?)
     } else if let Some(map) = value.read_lock::<Map>() {
