@@ -17,6 +17,7 @@
 
 pub mod backends;
 mod cases;
+pub mod exact;
 mod formula;
 mod random;
 mod report;

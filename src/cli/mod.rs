@@ -20,6 +20,7 @@ mod render;
 mod session;
 mod stats;
 mod test;
+mod truth;
 
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
@@ -56,6 +57,8 @@ enum Command {
     Compile(compile::Arguments),
     /// Run the tests that formula and step files hold, on every back end.
     Test(test::Arguments),
+    /// March rays by brute force and compare the estimate with that.
+    Truth(truth::Arguments),
     /// Print what the formula says at points or along rays, as text or JSON lines.
     Probe(probe::Arguments),
     /// List steps, fractals and scripts.
@@ -131,6 +134,7 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::Render(arguments) => render::run(arguments, &mut Session::new(folders)?, out),
         Command::Compile(arguments) => compile::run(arguments, &mut Session::new(folders)?, out),
         Command::Test(arguments) => test::run(arguments, &mut Session::new(folders)?, out),
+        Command::Truth(arguments) => truth::run(arguments, &mut Session::new(folders)?, out),
         Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
         Command::List(arguments) => list::run(arguments, &mut Session::new(folders)?, out),
         Command::Explain(arguments) => explain::run(arguments, &mut Session::new(folders)?, out),
