@@ -6,6 +6,7 @@
 
 mod arguments;
 mod backend;
+mod check;
 mod compile;
 mod docs;
 mod doctor;
@@ -57,6 +58,8 @@ enum Command {
     Compile(compile::Arguments),
     /// Run the tests that formula and step files hold, on every back end.
     Test(test::Arguments),
+    /// Look for what is wrong in a formula or step.
+    Check(check::Arguments),
     /// March rays by brute force and compare the estimate with that.
     Truth(truth::Arguments),
     /// Print what the formula says at points or along rays, as text or JSON lines.
@@ -134,6 +137,7 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::Render(arguments) => render::run(arguments, &mut Session::new(folders)?, out),
         Command::Compile(arguments) => compile::run(arguments, &mut Session::new(folders)?, out),
         Command::Test(arguments) => test::run(arguments, &mut Session::new(folders)?, out),
+        Command::Check(arguments) => check::run(arguments, &mut Session::new(folders)?, out),
         Command::Truth(arguments) => truth::run(arguments, &mut Session::new(folders)?, out),
         Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
         Command::List(arguments) => list::run(arguments, &mut Session::new(folders)?, out),

@@ -66,13 +66,19 @@ pub struct Scale {
     pub bounding_radius: f64,
     /// Depth below which steps no longer shrink with the distance; matters only for origins inside the bounding sphere.
     pub nearest: f64,
+    /// Halvings of the step in a row that must not change an answer by more than half a footprint, from 1 to 5. Each
+    /// more doubles the cost.
+    pub agreements: u32,
 }
+
+/// [`Scale::agreements`] of a reference: steps of a 16th of a footprint at last.
+pub const AGREEMENTS: u32 = 2;
 
 impl Scale {
     /// The scale of a view.
     pub fn of_view(camera: &Camera, size: Size, bounding_radius: f64) -> Scale {
         let to_target = (glam::DVec3::from(camera.target) - glam::DVec3::from(camera.position)).length();
-        Scale { pixel_radius: pixel_radius(camera, size), bounding_radius, nearest: 1e-3 * to_target }
+        Scale { pixel_radius: pixel_radius(camera, size), bounding_radius, nearest: 1e-3 * to_target, agreements: AGREEMENTS }
     }
 
     /// Diameter of a pixel at a depth.
@@ -115,7 +121,7 @@ impl Truths {
     /// `choices` has one entry for each orbit of the field (a [`Plan`](crate::compose::Plan) holds them); of it only what
     /// decides membership is used. `progress` hears the share that is done, from 0 to 1, and returns whether to go on;
     /// after `false` only the rays that were finished are returned, in order. Cost: about the number of footprints
-    /// across the set, times 8, memberships a ray.
+    /// across the set, times 16, memberships a ray.
     pub fn find(
         composer: &Composer,
         choices: &[Choice],

@@ -10,8 +10,8 @@ use crate::check::subject::sphere_range;
 /// Samples of a ray that are tried at once, and rays that are walked at once.
 const CHUNK: usize = 64;
 const BATCH: usize = 128;
-/// Times that the step is halved at most.
-const LEVELS: u32 = 4;
+/// Times that the step is halved at most: down to 1/128 of a footprint.
+const LEVELS: u32 = 5;
 /// First step in pixel radii: a quarter of a footprint.
 const STEP: f64 = 0.5;
 /// Halvings of the step around a crossing: down to 1/4096 of a footprint.
@@ -33,6 +33,8 @@ struct Path {
     first: Option<(f64, f64)>,
     /// Next sample of the level.
     next: usize,
+    /// Halvings in a row that did not change the answer.
+    agreed: u32,
     /// Whether finer steps are still needed.
     open: bool,
 }
@@ -53,19 +55,27 @@ impl Walker<'_> {
     fn settle_batch(&self, rays: &[Ray], progress: &mut dyn FnMut(f64) -> bool) -> Option<Vec<Truth>> {
         let mut paths: Vec<Path> = rays.iter().map(|ray| self.path(*ray)).collect();
         let mut truths = vec![Truth::Ambiguous; rays.len()];
-        // Most rays are settled by the second level, which costs as much as the first.
-        self.walk(&mut paths, 0, &mut |part| progress(0.45 * part))?;
+        // Each level costs as much as all before it; most rays are settled when the answer has stood still often enough.
+        let usual = f64::from(self.scale.agreements).exp2();
+        self.walk(&mut paths, 0, &mut |part| progress(part / usual))?;
         for level in 1..=LEVELS {
             let before: Vec<Option<f64>> = paths.iter().map(|path| path.first.map(|(_, t)| t)).collect();
-            let (done, weight) = if level == 1 { (0.45, 0.45) } else { (0.9, 0.0) };
-            self.walk(&mut paths, level, &mut |part| progress(done + weight * part))?;
+            let done = f64::from(level - 1).exp2() / usual;
+            self.walk(&mut paths, level, &mut |part| progress((done * (1.0 + part)).min(1.0)))?;
             for ((path, truth), before) in paths.iter_mut().zip(&mut truths).zip(before).filter(|((p, _), _)| p.open) {
-                *truth = match (before, path.first) {
+                let answer = match (before, path.first) {
                     (None, None) => Truth::Miss,
                     (Some(a), Some((_, b))) if (a - b).abs() <= self.scale.pixel_radius * b => Truth::Hit(b),
-                    _ => continue,
+                    _ => {
+                        path.agreed = 0;
+                        continue;
+                    }
                 };
-                path.open = false;
+                path.agreed += 1;
+                if path.agreed >= self.scale.agreements {
+                    *truth = answer;
+                    path.open = false;
+                }
             }
         }
         Some(truths)
@@ -75,7 +85,7 @@ impl Walker<'_> {
         let (near, far) = sphere_range(ray.0, ray.1, self.scale.bounding_radius);
         let open = near < far;
         let (from, to) = if open { (self.division(near), self.division(far)) } else { (0.0, -1.0) };
-        Path { ray, from, to, first: None, next: 0, open: true }
+        Path { ray, from, to, first: None, next: 0, agreed: 0, open: true }
     }
 
     /// The place of a depth in a ray's division, in which a pixel radius has length 1: linear up to `nearest`, then
