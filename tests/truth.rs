@@ -264,3 +264,41 @@ fn finding_can_be_stopped() {
     let whole = whole.unwrap_or_else(|error| panic!("{}", error.message));
     assert_eq!(whole.depths[..found.depths.len()], found.depths[..]);
 }
+
+fn bulbfold(arguments: &[&str]) -> std::process::Output {
+    std::process::Command::new(env!("CARGO_BIN_EXE_bulbfold")).args(arguments).output().expect("it starts")
+}
+
+#[test]
+fn the_command_prints_a_table_and_json_lines() {
+    let output = bulbfold(&["truth", "menger", "--rays", "60", "--size", "160x120", "--de", "scalar", "--fudge", "0.9"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{text}");
+    for word in ["truth of 60 rays", "rays meet the Menger sponge", "march by scalar linear, fudge 0.9", "missed", "early"] {
+        assert!(text.contains(word), "{word}\n{text}");
+    }
+    let output = bulbfold(&["truth", "menger", "--rays", "60", "--size", "160x120", "--json"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
+    assert_eq!(lines.len(), 61);
+    let hits = lines.iter().filter(|line| line["truth"] == "hit").count();
+    assert_eq!(lines[60]["summary"]["hits"], hits);
+    assert_eq!(lines[60]["summary"]["exact"]["passed"], 0);
+}
+
+#[test]
+fn the_command_takes_rays_from_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rays.csv");
+    // Onto the rim of a face, and through the hole in its middle.
+    std::fs::write(&path, "ox,oy,oz,dx,dy,dz\n0.99,-3,0.93,0,2,0\n0,-3,0,0,1,0\n").unwrap();
+    let output = bulbfold(&["truth", "menger", "--rays-file", &path.display().to_string(), "--json"]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
+    assert!(lines[0]["t"].as_f64().is_some_and(|t| (t - 2.0).abs() < 0.01), "{text}");
+    assert_eq!(lines[1]["truth"], "miss");
+    std::fs::write(&path, "0,0,0,0,0,0\n").unwrap();
+    let output = bulbfold(&["truth", "menger", "--rays-file", &path.display().to_string()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("ray 1 has a direction of length 0"));
+}
