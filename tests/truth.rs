@@ -168,7 +168,8 @@ fn membership_without_derivatives_is_the_same() {
     for name in ["mandelbulb", "mandelbox", "quaternion_julia", "box_bulb", "bulb_on_floor", "menger_bulb"] {
         let formula = Formula::builtin(name).unwrap();
         let subject = formula.subject();
-        let members = Members::new(&subject.composer(), &subject.plan.choices).unwrap_or_else(|e| panic!("{}", e.message));
+        let members =
+            Members::new(&subject.composer(), &subject.plan.choices).unwrap_or_else(|e| panic!("{}", e.message));
         let mut random = Random::new(5);
         let points: Vec<[f64; 3]> = (0..400).map(|_| random.in_ball(subject.plan.bounding_radius.min(8.0))).collect();
         let kernel = subject.estimator(&subject.plan.choices).unwrap_or_else(|e| panic!("{}", e.message));
@@ -180,7 +181,13 @@ fn membership_without_derivatives_is_the_same() {
     }
 }
 
-fn march(formula: &Formula, truths: &Truths, method: Method, fudge: f64, radius: f64) -> bulbfold::check::truth::Judgement {
+fn march(
+    formula: &Formula,
+    truths: &Truths,
+    method: Method,
+    fudge: f64,
+    radius: f64,
+) -> bulbfold::check::truth::Judgement {
     let subject = formula.subject();
     let mut choices = subject.choices(Some(method)).expect("it applies");
     for choice in &mut choices {
@@ -226,7 +233,11 @@ fn early_stops_are_counted_by_the_bounding_radius() {
             .depths
             .iter()
             .map(|truth| bulbfold::check::truth::End {
-                status: if truth.depth().is_some() { bulbfold::kernel::Status::Hit } else { bulbfold::kernel::Status::Miss },
+                status: if truth.depth().is_some() {
+                    bulbfold::kernel::Status::Hit
+                } else {
+                    bulbfold::kernel::Status::Miss
+                },
                 t: truth.depth().map_or(9.0, |t| t + shift),
                 estimates: 10,
                 iterations: 20,
@@ -271,10 +282,13 @@ fn bulbfold(arguments: &[&str]) -> std::process::Output {
 
 #[test]
 fn the_command_prints_a_table_and_json_lines() {
-    let output = bulbfold(&["truth", "menger", "--rays", "60", "--size", "160x120", "--de", "scalar", "--fudge", "0.9"]);
+    let output =
+        bulbfold(&["truth", "menger", "--rays", "60", "--size", "160x120", "--de", "scalar", "--fudge", "0.9"]);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{text}");
-    for word in ["truth of 60 rays", "rays meet the Menger sponge", "march by scalar linear, fudge 0.9", "missed", "early"] {
+    for word in
+        ["truth of 60 rays", "rays meet the Menger sponge", "march by scalar linear, fudge 0.9", "missed", "early"]
+    {
         assert!(text.contains(word), "{word}\n{text}");
     }
     let output = bulbfold(&["truth", "menger", "--rays", "60", "--size", "160x120", "--json"]);

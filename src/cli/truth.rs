@@ -217,9 +217,10 @@ impl Told<'_> {
             writeln!(out, "{line}")?;
         }
         let j = truths.judge(self.ends);
-        let exact = self.exact().map_or(Value::Null, |e| {
-            json!({ "set": e.name, "hits": e.hits, "passed": e.passed, "largest_distance": e.thickness })
-        });
+        let exact = self.exact().map_or(
+            Value::Null,
+            |e| json!({ "set": e.name, "hits": e.hits, "passed": e.passed, "largest_distance": e.thickness }),
+        );
         let line = json!({ "summary": {
             "version": JSON_VERSION, "rays": truths.rays.len(), "hits": j.hits, "misses": j.misses,
             "ambiguous": j.ambiguous, "thin": j.thin, "seconds": self.time.as_secs_f64(), "exact": exact,
@@ -235,7 +236,12 @@ impl Told<'_> {
 fn print_judgement(judged: &Judgement, out: &mut dyn Write) -> Outcome {
     let percent = |share: f64| format!("{:6.2} %", 100.0 * share);
     let thin = percent(judged.missed_thin);
-    writeln!(out, "  missed   {}   of the hits were passed (of the thin ones {})", percent(judged.missed), thin.trim())?;
+    writeln!(
+        out,
+        "  missed   {}   of the hits were passed (of the thin ones {})",
+        percent(judged.missed),
+        thin.trim()
+    )?;
     writeln!(out, "  early    {}   of the stops are in front of the truth", percent(judged.early))?;
     if judged.finer > 0 {
         let count = judged.finer;
@@ -243,7 +249,8 @@ fn print_judgement(judged: &Judgement, out: &mut dyn Write) -> Outcome {
     }
     writeln!(out, "  error    {:8.4}   footprints, the median depth error", judged.median_error)?;
     writeln!(out, "  cost     {:8.1}   estimates and {:.1} iterations a ray", judged.estimates, judged.iterations)?;
-    for (count, what) in [(judged.unfinished, "ran out of steps"), (judged.nan, "met an estimate that is not a number")] {
+    for (count, what) in [(judged.unfinished, "ran out of steps"), (judged.nan, "met an estimate that is not a number")]
+    {
         if count > 0 {
             writeln!(out, "  {count} rays {what}")?;
         }

@@ -2,10 +2,13 @@
 
 use super::super::random::Random;
 
-/// Pairs that are followed, candidates that each tries at every halving, and the halvings.
+/// Pairs that are followed, candidates that each tries at every round, and the rounds.
 const PAIRS: usize = 96;
-const TRIES: usize = 14;
-const HALVINGS: usize = 28;
+const TRIES: usize = 12;
+const ROUNDS: usize = 52;
+/// Shortening of a pair in a round. Slowly enough for pairs to reach an axis while they shrink: the stretch beside an axis
+/// where a map jumps falls with the distance from it.
+const SHORTER: f64 = 0.7;
 /// Distance of the first pairs.
 const FIRST: f64 = 0.4;
 /// Half the side of the box that pairs start in.
@@ -44,7 +47,7 @@ pub(super) enum Continuity {
     },
 }
 
-/// A pair of points and how far apart their images were after each halving.
+/// A pair of points and how far apart their images were after each round.
 struct Pair {
     a: Vec<f64>,
     b: Vec<f64>,
@@ -56,8 +59,8 @@ struct Pair {
 pub(super) fn search(width: usize, map: &dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>>) -> Continuity {
     let mut random = Random::new(17);
     let mut pairs: Vec<Pair> = (0..PAIRS).map(|i| start(&mut random, width, i)).collect();
-    for halving in 0..HALVINGS {
-        let distance = FIRST * 0.5f64.powi(halving as i32);
+    for round in 0..ROUNDS {
+        let distance = distance_after(round + 1);
         let candidates: Vec<(Vec<f64>, Vec<f64>)> =
             pairs.iter().flat_map(|pair| candidates(&mut random, pair, distance)).collect();
         let ends: Vec<Vec<f64>> = candidates.iter().flat_map(|(a, b)| [a.clone(), b.clone()]).collect();
@@ -76,6 +79,11 @@ pub(super) fn search(width: usize, map: &dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>>) -
     judge(&pairs)
 }
 
+/// Distance of the points of a pair after some rounds.
+fn distance_after(rounds: usize) -> f64 {
+    FIRST * SHORTER.powi(rounds as i32)
+}
+
 /// Half of the pairs start anywhere, half beside an axis or a plane through the origin, where formulas have their seams.
 fn start(random: &mut Random, width: usize, i: usize) -> Pair {
     let mut a: Vec<f64> = (0..width).map(|_| random.range(-REACH, REACH)).collect();
@@ -90,17 +98,18 @@ fn start(random: &mut Random, width: usize, i: usize) -> Pair {
     Pair { a, b, apart: Vec::new(), size: 1.0 }
 }
 
-/// Both halves of a pair, and pairs of half its length around it.
+/// Both ends of a pair, which overlap so that no jump falls between them, and pairs of this length around it.
 fn candidates(random: &mut Random, pair: &Pair, distance: f64) -> Vec<(Vec<f64>, Vec<f64>)> {
-    let middle: Vec<f64> = pair.a.iter().zip(&pair.b).map(|(a, b)| 0.5 * (a + b)).collect();
-    let mut all = vec![(pair.a.clone(), middle.clone()), (middle.clone(), pair.b.clone())];
+    let along = |share: f64| pair.a.iter().zip(&pair.b).map(|(a, b)| a + share * (b - a)).collect::<Vec<f64>>();
+    let mut all = vec![(pair.a.clone(), along(SHORTER)), (along(1.0 - SHORTER), pair.b.clone())];
+    let middle = along(0.5);
     while all.len() < TRIES {
-        let spread = distance * random.unit();
+        let spread = 2.0 * distance * random.unit();
         let shift = unit(random, middle.len());
         let direction = unit(random, middle.len());
         let at = |sign: f64| {
             let parts = middle.iter().zip(&shift).zip(&direction);
-            parts.map(|((m, s), d)| m + spread * s + sign * 0.25 * distance * d).collect::<Vec<f64>>()
+            parts.map(|((m, s), d)| m + spread * s + sign * 0.5 * distance * d).collect::<Vec<f64>>()
         };
         all.push((at(-1.0), at(1.0)));
     }
@@ -118,25 +127,24 @@ fn distance_of(a: &[f64], b: &[f64]) -> f64 {
 }
 
 fn judge(pairs: &[Pair]) -> Continuity {
-    let middle = HALVINGS / 2;
+    let middle = ROUNDS / 2;
     let mut worst = Continuity::Lipschitz(0.0);
     let mut worst_exponent = UNBOUNDED;
-    for pair in pairs.iter().filter(|pair| pair.apart.len() == HALVINGS) {
-        let (wide, narrow) = (pair.apart[middle], pair.apart[HALVINGS - 1]);
-        let exponent = (wide / narrow).log2() / (HALVINGS - 1 - middle) as f64;
+    for pair in pairs.iter().filter(|pair| pair.apart.len() == ROUNDS) {
+        let (wide, narrow) = (pair.apart[middle], pair.apart[ROUNDS - 1]);
+        let exponent = (wide / narrow).ln() / (distance_after(middle + 1) / distance_after(ROUNDS)).ln();
         // Rounding keeps images apart by a few units of the last digit, however close the points are.
         let is_real = narrow > 1e-12 * pair.size;
         if is_real && exponent < worst_exponent {
             worst_exponent = exponent;
             let at = pair.a.clone();
             worst = match exponent < JUMP {
-                true if pair.size > POLE => Continuity::Pole { at },
+                _ if pair.size > POLE => Continuity::Pole { at },
                 true if narrow > APART * pair.size => Continuity::Jump { at, by: narrow },
                 _ => Continuity::Unbounded { at, exponent: exponent - 1.0 },
             };
         } else if let Continuity::Lipschitz(largest) = &mut worst {
-            let stretch = wide / (FIRST * 0.5f64.powi(middle as i32 + 1));
-            *largest = largest.max(stretch);
+            *largest = largest.max(wide / distance_after(middle + 1));
         }
     }
     worst

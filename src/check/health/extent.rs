@@ -23,10 +23,11 @@ const GOES: usize = 5;
 const DEEPER: [u32; 5] = [12, 8, 4, 2, 0];
 /// Iterations of members that are followed at most.
 const FOLLOWED: u32 = 4;
-/// A declared radius may be this share below what members reach: finitely many iterations leave the set thicker.
-const SHORT: f64 = 0.97;
-/// A declared radius this many times what members reach costs steps.
-const LONG: f64 = 1.6;
+/// Finitely many iterations leave the set thicker: what members reach less this share counts.
+const THICKER: f64 = 0.02;
+/// A radius that makes estimates this many times too large is wrong, and one that makes them this small costs steps.
+const TOO_LARGE: f64 = 1.05;
+const TOO_SMALL: f64 = 0.8;
 
 /// The form of each orbit's estimate against the growth of r over one cycle.
 pub(super) fn check_forms(subject: &Subject, health: &mut Health) -> Result<(), Diagnostic> {
@@ -41,7 +42,8 @@ pub(super) fn check_forms(subject: &Subject, health: &mut Health) -> Result<(), 
             _ => format!("r grows by power {} a cycle", number(exponent)),
         };
         health.measure(&node.name, "form", format!("{}; far out {growth}", choice.form.name()));
-        let Some(fixed) = orbit.settings.estimate.form.filter(|form| is_about_growth(*form) && *form != measured) else {
+        let Some(fixed) = orbit.settings.estimate.form.filter(|form| is_about_growth(*form) && *form != measured)
+        else {
             continue;
         };
         let message = format!(
@@ -115,21 +117,31 @@ pub(super) fn check_radius(subject: &Subject, health: &mut Health) -> Result<(),
     let is_declared = orbit.settings.estimate.radius.is_some();
     let kind = if is_declared { "declared" } else { "measured by itself" };
     let (used, reached) = (number(choice.radius), number(farthest.0));
-    health.measure(&node.name, "radius", format!("{used} ({kind}); orbits of {} members reach {reached}", members.len()));
+    health.measure(
+        &node.name,
+        "radius",
+        format!("{used} ({kind}); orbits of {} members reach {reached}", members.len()),
+    );
     let mut found = |severity: Severity, message: String, help: String| {
         let (subject, span) = (node.name.clone(), node.span);
         let point = Some(farthest.1.to_vec());
         health.findings.push(Finding { severity, kind: Kind::Radius, subject, message, help, span, point });
     };
-    if choice.radius < SHORT * farthest.0 {
-        let severity = if is_declared { Severity::Wrong } else { Severity::Warning };
+    // Estimates are taken where orbits escape, so r is at least the escape radius: (r - radius) / dr for a set that
+    // reaches further than the radius is too large by this factor at most.
+    let escape = orbit.settings.escape_radius;
+    let factor = |reach: f64| (escape - choice.radius) / (escape - reach);
+    if factor(farthest.0 * (1.0 - THICKER)) > 1.0 {
+        let is_wrong = is_declared && factor(farthest.0) > TOO_LARGE;
         let message = format!(
-            "the radius of the linear form is {used}, but the orbit of the member {} reaches {reached}: distances are \
-             overestimated",
-            shown(&farthest.1)
+            "the radius of the linear form is {used}, but the orbit of the member {} reaches {reached}: distances may be \
+             overestimated by {:.1} %",
+            shown(&farthest.1),
+            100.0 * (factor(farthest.0) - 1.0)
         );
-        found(severity, message, format!("write `estimate: (radius: {reached})` or more"));
-    } else if is_declared && choice.radius > LONG * farthest.0 {
+        let severity = if is_wrong { Severity::Wrong } else { Severity::Warning };
+        found(severity, message, format!("write `estimate: (radius: {reached})`, or a larger `escape_radius`"));
+    } else if is_declared && factor(farthest.0) < TOO_SMALL {
         let message = format!("the radius of the linear form is {used}, but orbits of members stay within {reached}");
         let help = format!("distances are underestimated, which costs steps: try `estimate: (radius: {reached})`");
         found(Severity::Note, message, help);

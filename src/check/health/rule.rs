@@ -3,11 +3,11 @@
 use std::rc::Rc;
 
 use super::continuity::{Continuity, search};
+use super::spread;
 use super::{Finding, Health, Kind, Params, Severity, number, shown};
 use crate::check::backends::Backends;
 use crate::check::random::Random;
 use crate::check::steps::{StepCase, largest_stretch, widths};
-use super::spread;
 use crate::diag::{Diagnostic, Span};
 use crate::expr::{Arena, Function};
 use crate::formula::library::Library;
@@ -77,7 +77,8 @@ pub(super) fn check_node(
     let backends = Backends::cpu_only();
     let case = StepCase { library, step, backends: &backends };
     let arena = Rc::new(Arena::default());
-    let failed = |text: String| Diagnostic::error(format!("the step `{}` cannot be traced: {}", step.name, text.trim()));
+    let failed =
+        |text: String| Diagnostic::error(format!("the step `{}` cannot be traced: {}", step.name, text.trim()));
     let (ports, traced) = case.trace(&arena, width, params, step.scalar_rule.is_some()).map_err(failed)?;
     let mut function = Function::new("step", ports);
     function.output("z", traced.z);
@@ -155,7 +156,9 @@ impl Check<'_> {
         let is_known = self.step.notes.to_lowercase().contains("discontinuous");
         let name = &self.name;
         let (text, finding) = match search(self.width, &|states| self.map.images(states)) {
-            Continuity::Lipschitz(stretch) => (format!("yes; close points part by up to {} times", number(stretch)), None),
+            Continuity::Lipschitz(stretch) => {
+                (format!("yes; close points part by up to {} times", number(stretch)), None)
+            }
             Continuity::Jump { at, by } => {
                 let severity = if is_known { Severity::Warning } else { Severity::Wrong };
                 let message = format!("`{name}` jumps by {} at z = {}", number(by), shown(&at));
@@ -175,7 +178,10 @@ impl Check<'_> {
                 let message = format!("the stretch of `{name}` grows like distance^{power} towards z = {}", shown(&at));
                 let help = "distances next to it are underestimated or overestimated without bound: keep roots and \
                             angles away from it with max()";
-                (format!("unbounded stretch at {}", shown(&at)), Some((Severity::Warning, Kind::Stretch, message, help, at)))
+                (
+                    format!("unbounded stretch at {}", shown(&at)),
+                    Some((Severity::Warning, Kind::Stretch, message, help, at)),
+                )
             }
         };
         health.measure(self.name, "continuous", text);
@@ -225,7 +231,9 @@ impl Check<'_> {
         if let Some(exact) = &self.exact {
             let out = exact.run(states);
             let column = |i: usize, axis: usize| (0..n).map(|k| out[n * (1 + axis) + k][i]).collect::<Vec<f64>>();
-            return (0..states.len()).map(|i| largest_stretch(&(0..n).map(|a| column(i, a)).collect::<Vec<_>>())).collect();
+            return (0..states.len())
+                .map(|i| largest_stretch(&(0..n).map(|a| column(i, a)).collect::<Vec<_>>()))
+                .collect();
         }
         let step_of = |z: &[f64]| DIFFERENCE * z.iter().fold(1e-2, |size: f64, x| size.max(x.abs()));
         let mut moved = Vec::new();
@@ -333,7 +341,8 @@ impl Check<'_> {
             images.iter().map(|image| image.iter().map(|x| x * x).sum::<f64>().sqrt()).collect()
         };
         let exponent = median_exponent(&radius(1e3), &radius(1e4));
-        let text = if exponent > POWER { format!("power {}", number(exponent)) } else { "a constant factor or less".into() };
+        let text =
+            if exponent > POWER { format!("power {}", number(exponent)) } else { "a constant factor or less".into() };
         health.measure(self.name, "growth", text);
         let is_default = self.step.params.iter().zip(params).all(|(p, (_, value))| p.default == *value);
         // Other parameters may turn a power into a factor (a bulb of power 1); the file describes the defaults.
@@ -349,7 +358,8 @@ impl Check<'_> {
             self.name,
             number(exponent)
         );
-        let help = format!("write `growth: \"{expected}\"` in the step's description; the choice of a method depends on it");
+        let help =
+            format!("write `growth: \"{expected}\"` in the step's description; the choice of a method depends on it");
         let span = if self.step.growth.is_some() { self.span("growth:") } else { self.span("group:") };
         health.findings.push(self.found(severity, Kind::Growth, message, &help, span));
     }
@@ -361,9 +371,12 @@ fn largest(compared: &[(f64, &Vec<f64>, f64, f64)]) -> f64 {
 
 /// The median over directions of the power by which r grows from `near` to `far`, ten times further out.
 pub(super) fn median_exponent(near: &[f64], far: &[f64]) -> f64 {
-    let exponent = |(a, b): (&f64, &f64)| (b / a).log10();
-    let mut exponents: Vec<f64> =
-        near.iter().zip(far).map(exponent).map(|e| if e.is_finite() { e } else { f64::MAX }).collect();
+    // What goes to 0 does not grow, what is beyond the range of numbers grows by any power.
+    let exponent = |(a, b): (&f64, &f64)| match *b {
+        0.0 => 0.0,
+        b => Some((b / a).log10()).filter(|e| e.is_finite()).unwrap_or(f64::MAX),
+    };
+    let mut exponents: Vec<f64> = near.iter().zip(far).map(exponent).collect();
     exponents.sort_by(f64::total_cmp);
     exponents[exponents.len() / 2]
 }

@@ -190,6 +190,7 @@ pub fn judge(subject: &Subject, rays: usize, settings: &RenderSettings) -> Resul
     let rays = view_rays(&pipeline.camera, settings.size, rays, 4);
     let truths = Truths::find(&composer, &pipeline.plan.choices, &rays, scale, &mut |_| true);
     let truths = truths.map_err(|error| rendered(error, subject.library))?;
-    let ends = march_rays(&Cpu::new(Precision::F64), subject.arena, &pipeline.march, &truths.rays, scale.bounding_radius);
+    let ends =
+        march_rays(&Cpu::new(Precision::F64), subject.arena, &pipeline.march, &truths.rays, scale.bounding_radius);
     Ok(truths.judge(&ends.map_err(|error| error.to_string())?))
 }

@@ -78,7 +78,12 @@ impl Scale {
     /// The scale of a view.
     pub fn of_view(camera: &Camera, size: Size, bounding_radius: f64) -> Scale {
         let to_target = (glam::DVec3::from(camera.target) - glam::DVec3::from(camera.position)).length();
-        Scale { pixel_radius: pixel_radius(camera, size), bounding_radius, nearest: 1e-3 * to_target, agreements: AGREEMENTS }
+        Scale {
+            pixel_radius: pixel_radius(camera, size),
+            bounding_radius,
+            nearest: 1e-3 * to_target,
+            agreements: AGREEMENTS,
+        }
     }
 
     /// Diameter of a pixel at a depth.
@@ -140,11 +145,7 @@ impl Truths {
     /// How many rays hit, miss and are ambiguous.
     pub fn counts(&self) -> [usize; 3] {
         let count = |wanted: fn(&Truth) -> bool| self.depths.iter().filter(|truth| wanted(truth)).count();
-        [
-            count(|t| matches!(t, Truth::Hit(_))),
-            count(|t| *t == Truth::Miss),
-            count(|t| *t == Truth::Ambiguous),
-        ]
+        [count(|t| matches!(t, Truth::Hit(_))), count(|t| *t == Truth::Miss), count(|t| *t == Truth::Ambiguous)]
     }
 
     /// Hits that are thinner along their ray than a hit threshold.

@@ -131,8 +131,11 @@ impl Walker<'_> {
             if live.is_empty() {
                 break;
             }
-            let places: Vec<(Ray, f64)> =
-                live.iter().flat_map(|&i| (0..CHUNK).map(move |k| (i, k))).map(|(i, k)| (paths[i].ray, place(&paths[i], paths[i].next + k))).collect();
+            let places: Vec<(Ray, f64)> = live
+                .iter()
+                .flat_map(|&i| (0..CHUNK).map(move |k| (i, k)))
+                .map(|(i, k)| (paths[i].ray, place(&paths[i], paths[i].next + k)))
+                .collect();
             let inside = self.inside(&places);
             for (j, &i) in live.iter().enumerate() {
                 let path = &mut paths[i];
@@ -159,8 +162,10 @@ impl Walker<'_> {
     /// Narrows the crossings that a level found; the sample before each is known to be outside.
     fn bisect(&self, paths: &mut [Path], found: &[bool], step: f64) {
         let hits: Vec<usize> = (0..paths.len()).filter(|&i| found[i]).collect();
-        let mut brackets: Vec<(f64, f64)> =
-            hits.iter().map(|&i| paths[i].first.map_or((0.0, 0.0), |(u, _)| ((u - step).max(paths[i].from), u))).collect();
+        let mut brackets: Vec<(f64, f64)> = hits
+            .iter()
+            .map(|&i| paths[i].first.map_or((0.0, 0.0), |(u, _)| ((u - step).max(paths[i].from), u)))
+            .collect();
         for _ in 0..BISECTIONS {
             let places: Vec<(Ray, f64)> =
                 hits.iter().zip(&brackets).map(|(&i, (a, b))| (paths[i].ray, 0.5 * (a + b))).collect();
