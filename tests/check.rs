@@ -84,7 +84,7 @@ fn derivative(z, dr, p) {
 
 const GRAPH: &str = r#"(
     nodes: { "mine": my_step(), "grow": scale(scale: 2.0), "all": Sequence(["mine", "grow"]) },
-    output: "all", escape_radius: 60, max_iterations: 8, bounding_radius: 10.5,
+    output: "all", escape_radius: 60, max_iterations: 8, bounding_radius: 11.0,
 )"#;
 
 /// A folder with the step and a formula that uses it.
