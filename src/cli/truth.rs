@@ -24,7 +24,7 @@ use super::{Failure, Outcome, Session, usage};
 
 /// Version of what `--json` writes.
 const JSON_VERSION: u32 = 1;
-/// Points along a ray at which the estimate is compared with a known exact distance.
+/// Distance at which a ray counts as meeting a limit set that is known.
 const EXACT_EPS: f64 = 1e-6;
 
 /// Arguments of `truth`.

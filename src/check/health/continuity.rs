@@ -55,8 +55,11 @@ struct Pair {
     size: f64,
 }
 
+/// A map of many states at once.
+pub(super) type Images<'a> = dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>> + 'a;
+
 /// Looks for jumps of a map of `width` components.
-pub(super) fn search(width: usize, map: &dyn Fn(&[Vec<f64>]) -> Vec<Vec<f64>>) -> Continuity {
+pub(super) fn search(width: usize, map: &Images) -> Continuity {
     let mut random = Random::new(17);
     let mut pairs: Vec<Pair> = (0..PAIRS).map(|i| start(&mut random, width, i)).collect();
     for round in 0..ROUNDS {

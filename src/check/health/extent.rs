@@ -149,8 +149,11 @@ pub(super) fn check_radius(subject: &Subject, health: &mut Health) -> Result<(),
     Ok(())
 }
 
+/// Iterations beyond the limit that members survive, and the members.
+type Found = (u32, Vec<[f64; 3]>);
+
 /// Members of the set that survive as many iterations beyond the limit as is possible, and how many.
-fn find_members(subject: &Subject) -> Result<Option<(u32, Vec<[f64; 3]>)>, Diagnostic> {
+fn find_members(subject: &Subject) -> Result<Option<Found>, Diagnostic> {
     for deeper in DEEPER {
         let graph = subject.graph.with_orbit_settings(|settings| settings.max_iterations += deeper);
         let composer = Composer { graph: &graph, ..subject.composer() };

@@ -267,14 +267,14 @@ impl Check<'_> {
             .into_iter()
             .zip(rules)
             .zip(&states)
-            .filter(|((stretch, rule), _)| stretch.is_finite() && *stretch > 1e-300 && !(*rule > 1e300))
+            .filter(|((stretch, rule), _)| stretch.is_finite() && *stretch > 1e-300 && (rule.is_nan() || *rule < 1e300))
             .map(|((stretch, rule), z)| (rule / stretch, z, rule, stretch))
             .collect();
         let Some(worst) = compared.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return };
         // A rule that is not a number bounds nothing.
         let worst = compared.iter().find(|c| c.0.is_nan()).unwrap_or(worst);
         let slack = if self.exact.is_some() { ROUNDING } else { ROUNDING_OF_DIFFERENCES };
-        let exceeded = compared.iter().filter(|c| !(c.0 >= 1.0 - slack)).count();
+        let exceeded = compared.iter().filter(|c| c.0.is_nan() || c.0 < 1.0 - slack).count();
         let share = exceeded as f64 / compared.len() as f64;
         let kind = if rule == ScalarRule::Exact { "exact" } else { "heuristic" };
         let text = match exceeded {

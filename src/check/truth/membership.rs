@@ -53,10 +53,8 @@ fn cut(arena: &Arena, orbit: &mut Orbit) {
             }
         }
     }
-    for number in 0..states + orbit.frozen.len() {
-        if needed[number] {
-            continue;
-        }
+    needed.truncate(states + orbit.frozen.len());
+    for (number, _) in needed.iter().enumerate().filter(|(_, needed)| !**needed) {
         let start = &mut orbit.init.outputs[number];
         start.1 = zero(arena, &start.0);
         for item in orbit.items.iter_mut().filter(|_| number < states) {
