@@ -121,6 +121,7 @@ impl Probe<'_> {
             }),
             hit_eps: self.arguments.hit_eps.unwrap_or(0.0),
             min_difference: self.precision.min_difference(),
+            difference_step: plan.difference_step,
             ..MarchSettings::default()
         };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
@@ -149,12 +150,10 @@ impl Probe<'_> {
         let mut orbits = None;
         for method in applicable {
             let mut answers = self.estimate(&plan.choices, Some(method), points, &first_step)?;
-            if method == Method::Delta {
-                // The step of finite differences: a hundredth of the estimate itself.
-                let steps: Vec<f64> = answers[0]
-                    .iter()
-                    .map(|de| if de.is_finite() { (de * 0.01).max(smallest) } else { smallest })
-                    .collect();
+            if method.is_difference() {
+                // The step of finite differences follows from the estimate itself.
+                let steps: Vec<f64> =
+                    answers[0].iter().map(|de| plan.difference_step.length(*de, smallest)).collect();
                 answers = self.estimate(&plan.choices, Some(method), points, &steps)?;
             }
             estimates.push((method.name(), answers[0].clone()));
