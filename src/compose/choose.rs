@@ -66,6 +66,17 @@ pub struct Plan {
     pub warnings: Vec<String>,
 }
 
+impl Plan {
+    /// Methods that apply to every orbit; `own` where there is none.
+    pub fn applicable(&self) -> Vec<Method> {
+        let applies = |m: &Method| match self.choices.is_empty() {
+            true => *m == Method::Own,
+            false => self.choices.iter().all(|c| c.applicable.contains(m)),
+        };
+        Method::ALL.into_iter().filter(applies).collect()
+    }
+}
+
 /// Makes the choices. `wanted` overrides what files fix.
 pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<Plan> {
     let orbits = field_orbits(composer);

@@ -6,9 +6,7 @@ use rhai::Scope;
 
 use super::fields::read_look;
 use super::overrides::{Override, apply_override};
-use super::settings::{
-    Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, Method, OrbitSettings,
-};
+use super::settings::{Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, Method, OrbitSettings};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
 use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
