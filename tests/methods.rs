@@ -278,13 +278,24 @@ fn box_form_of_the_menger_sponge_is_its_cube() {
     let points = sphere_points(100, 1.75, 2.0);
     let query = Query { points: &points, directions: &directions(1), h: 1e-4 };
     expect(text, &query, 0.0, |_| {}, |p, _| largest(p) - 1.0);
-    // Six levels are a set of small cubes: their corners are in, the middle of every tunnel is out.
+    // Six levels are a set of small cubes: those with at most one 1 among the three ternary digits of each level.
+    let is_in = |p: P| {
+        let mut u = p.map(|x| (x + 1.0) / 2.0);
+        (0..6).all(|_| {
+            let digits = u.map(|x| (x * 3.0).floor());
+            u = [0, 1, 2].map(|i| u[i] * 3.0 - digits[i]);
+            digits.iter().filter(|d| **d == 1.0).count() < 2
+        })
+    };
     let formula = formula(text);
-    for p in [[1.0, 1.0, 1.0], [0.999, 0.5, 0.4], [-1.0, 1.0, 0.9]] {
-        assert!(formula.inside(p), "{p:?}");
-    }
-    for p in [[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.5, 0.2, -0.1], [1.001, 0.5, 0.4], [0.8, 0.8, 2.0 / 3.0 - 0.07]] {
-        assert!(!formula.inside(p), "{p:?}");
+    let subject = formula.subject();
+    let mut random = Random::new(4);
+    let points: Vec<P> = (0..2000).map(|_| [(); 3].map(|()| random.range(-0.9999, 0.9999))).collect();
+    let query = Query { points: &points, directions: &directions(1), h: 1e-4 };
+    let found = probe(&subject, Target::CpuF64, &query, |_| {});
+    assert!(points.iter().filter(|p| is_in(**p)).count() > 500);
+    for (i, p) in points.iter().enumerate() {
+        assert_eq!(found[1][i] > 0.5, is_in(*p), "{p:?}");
     }
     // From the middle of the largest tunnel it is a third to its walls.
     assert!((formula.chosen_estimate([0.0, 0.0, 0.0]) - 1.0 / 3.0).abs() < 1e-12);
