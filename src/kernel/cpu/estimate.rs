@@ -4,7 +4,7 @@ use super::interpret::{Machine, interpret, load_pack, store_pack};
 use super::tapes::{EstimatorTapes, OrbitTapes, TapeSet};
 use crate::expr::ops::Register;
 use crate::kernel::tape::Tape;
-use crate::math::Real;
+use crate::math::{Pack, Real};
 
 /// Register files of one task.
 pub(super) struct Files<R: Real, const K: usize> {
@@ -12,7 +12,7 @@ pub(super) struct Files<R: Real, const K: usize> {
     pub(super) combine: Vec<Register<R, K>>,
 }
 
-impl<R: Machine, const K: usize> Files<R, K> {
+impl<R: Machine + Pack, const K: usize> Files<R, K> {
     pub(super) fn new(token: R::Token, tapes: &EstimatorTapes) -> Self {
         Files {
             orbits: tapes.orbits.iter().map(|o| o.set.register_file(token)).collect(),
@@ -22,7 +22,7 @@ impl<R: Machine, const K: usize> Files<R, K> {
 }
 
 #[inline(always)]
-pub(super) fn run_map<R: Machine, const K: usize>(
+pub(super) fn run_map<R: Machine + Pack, const K: usize>(
     token: R::Token,
     set: &TapeSet,
     inputs: &[&[R::Scalar]],
@@ -42,7 +42,7 @@ pub(super) fn run_map<R: Machine, const K: usize>(
 }
 
 #[inline(always)]
-pub(super) fn run_estimates<R: Machine, const K: usize>(
+pub(super) fn run_estimates<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &EstimatorTapes,
     inputs: &[&[R::Scalar]],
@@ -69,7 +69,7 @@ pub(super) fn run_estimates<R: Machine, const K: usize>(
 /// Estimates at a pack of points (`p`, `h`, `hit_eps`); the results lie in the output registers of `combine`.
 /// Lanes where `live` is 0 are not waited for. Returns the iterations of all orbits.
 #[inline(always)]
-pub(super) fn estimate<R: Machine, const K: usize>(
+pub(super) fn estimate<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &EstimatorTapes,
     files: &mut Files<R, K>,
@@ -106,7 +106,7 @@ pub(super) fn estimate<R: Machine, const K: usize>(
 /// Iterates an orbit until every live lane has escaped or `max_iterations` are done. Leaves the end state in the state
 /// registers; returns 1 where a lane has not escaped, and the iterations done.
 #[inline(always)]
-pub(super) fn iterate<R: Machine, const K: usize>(
+pub(super) fn iterate<R: Machine + Pack, const K: usize>(
     token: R::Token,
     orbit: &OrbitTapes,
     registers: &mut [Register<R, K>],
@@ -137,7 +137,7 @@ pub(super) fn iterate<R: Machine, const K: usize>(
 /// Takes over the new state where a lane is active, counts its iteration, and ends the lanes that escaped.
 /// Returns whether any lane is still active.
 #[inline(always)]
-pub(super) fn keep_active<R: Machine, const K: usize>(
+pub(super) fn keep_active<R: Machine + Pack, const K: usize>(
     token: R::Token,
     item: &Tape,
     registers: &mut [Register<R, K>],

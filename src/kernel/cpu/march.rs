@@ -6,6 +6,7 @@ use super::tapes::MarchTapes;
 use crate::expr::Port;
 use crate::expr::ops::Register;
 use crate::kernel::{Status, march_output_ports, ray_ports};
+use crate::math::Pack;
 
 /// Rays being marched: their columns, compacted as rays finish.
 pub(super) struct Rays<T> {
@@ -21,7 +22,7 @@ const STEPS: usize = RAY + STATE;
 const COLUMNS: usize = STEPS + 3;
 
 #[inline(always)]
-pub(super) fn run_march<R: Machine, const K: usize>(
+pub(super) fn run_march<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &MarchTapes,
     inputs: &[&[R::Scalar]],
@@ -57,7 +58,7 @@ pub(super) fn run_march<R: Machine, const K: usize>(
 
 /// Estimates once for a pack of rays and advances them. Returns how many of its rays are done.
 #[inline(always)]
-pub(super) fn march_pack<R: Machine, const K: usize>(
+pub(super) fn march_pack<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &MarchTapes,
     files: &mut Files<R, K>,

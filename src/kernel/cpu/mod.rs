@@ -19,7 +19,7 @@ use self::march::run_march;
 use self::tapes::Program;
 use super::{Backend, BackendError, Kernel};
 use crate::expr::{Arena, Port};
-use crate::math::Lanes;
+use crate::math::{Lanes, Pack};
 
 /// Vectors that one register holds.
 const WIDE: usize = 4;
@@ -175,7 +175,7 @@ fn run_parallel<T: Copy + Default + Send + Sync>(
 }
 
 #[inline(always)]
-fn run_group<R: Machine, const K: usize>(
+fn run_group<R: Machine + Pack, const K: usize>(
     token: R::Token,
     kernel: &CpuKernel,
     inputs: &[&[R::Scalar]],
