@@ -25,8 +25,14 @@ fn with_pipeline(name: &str, size: Size, check: impl Fn(&Arena, &Pipeline)) {
 }
 
 /// Runs a kernel both ways, compares the columns bit by bit, and gives them.
-fn run_both(arena: &Arena, label: &str, kernel: &Kernel, inputs: &[&Vec<Vec<f64>>]) -> Vec<Vec<f64>> {
-    let (compiled, interpreted) = (Cpu::new(Precision::F32), Cpu::new(Precision::F32).interpreted());
+fn run_both(
+    arena: &Arena,
+    precision: Precision,
+    label: &str,
+    kernel: &Kernel,
+    inputs: &[&Vec<Vec<f64>>],
+) -> Vec<Vec<f64>> {
+    let (compiled, interpreted) = (Cpu::new(precision), Cpu::new(precision).interpreted());
     let run = |cpu: &Cpu| {
         let columns: Vec<_> = inputs.iter().map(|c| cpu.upload(c).expect("columns fit")).collect();
         let kernel = cpu.prepare(arena, kernel).expect("the CPU takes every kernel");
@@ -37,16 +43,28 @@ fn run_both(arena: &Arena, label: &str, kernel: &Kernel, inputs: &[&Vec<Vec<f64>
     let names: Vec<String> = kernel.outputs().into_iter().map(|p| p.name).collect();
     for (i, (a, b)) in a.iter().zip(&b).enumerate() {
         for (k, (x, y)) in a.iter().zip(b).enumerate() {
-            let same = (*x as f32).to_bits() == (*y as f32).to_bits() || x.is_nan() && y.is_nan();
-            assert!(same, "{label}: column {i} of {names:?}, element {k}: compiled {x}, interpreted {y}");
+            let same = x.to_bits() == y.to_bits() || x.is_nan() && y.is_nan();
+            assert!(
+                same,
+                "{label}, {precision:?}: column {i} of {names:?}, element {k}: compiled {x}, interpreted {y}"
+            );
         }
     }
     a
 }
 
 #[test]
-fn machine_code_gives_the_interpreters_results() {
-    if !Cpu::new(Precision::F32).compiles() {
+fn machine_code_gives_the_interpreters_results_in_f32() {
+    compare(Precision::F32);
+}
+
+#[test]
+fn machine_code_gives_the_interpreters_results_in_f64() {
+    compare(Precision::F64);
+}
+
+fn compare(precision: Precision) {
+    if !Cpu::new(precision).compiles() {
         eprintln!("skipped: this processor has no AVX-512, so kernels are interpreted");
         return;
     }
@@ -57,7 +75,7 @@ fn machine_code_gives_the_interpreters_results() {
             let x = pixels.iter().map(|p| f64::from(p.0) + 0.5).collect();
             let y = pixels.iter().map(|p| f64::from(p.1) + 0.5).collect();
             let run = |part: &str, kernel: &Kernel, inputs: &[&Vec<Vec<f64>>]| {
-                run_both(arena, &format!("{name}, {part}"), kernel, inputs)
+                run_both(arena, precision, &format!("{name}, {part}"), kernel, inputs)
             };
             let rays = run("camera", &pipeline.camera_kernel, &[&vec![x, y]]);
             let hits = run("march", &pipeline.march, &[&rays]);

@@ -3,7 +3,7 @@
 use super::real::{Pack, Real};
 
 /// True where the target always has a fused multiply-add; without it, `f64::mul_add` is a slow library call.
-const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
+pub(crate) const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
 
 impl Real for f64 {
     type Token = ();
@@ -30,12 +30,13 @@ impl Real for f64 {
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        self.min(other)
+        // As processors have it: the other one where either is not a number.
+        if self < other { self } else { other }
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        self.max(other)
+        if self > other { self } else { other }
     }
 
     #[inline(always)]

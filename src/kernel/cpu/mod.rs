@@ -1,6 +1,6 @@
 //! The embedded CPU back end: tapes interpreted over packs of rays, in f64 (one ray at a time, the reference) or in wide
 //! f32 (as many rays as four of the machine's vectors hold), with the work spread over threads. Where the processor has
-//! AVX-512, f32 tapes become machine code instead, with the same results ([`Cpu::interpreted`] switches that off).
+//! AVX-512, tapes become machine code instead, with the same results ([`Cpu::interpreted`] switches that off).
 //!
 //! The loops here (iterate, march) have twins of the same names in `shaders/`; everything straight-line is a tape.
 
@@ -69,13 +69,13 @@ impl Cpu {
     pub fn new(precision: Precision) -> Cpu {
         let level = Level::new();
         #[cfg(target_arch = "x86_64")]
-        let compiles = precision == Precision::F32 && matches!(level, Level::Avx512(_));
+        let compiles = matches!(level, Level::Avx512(_));
         #[cfg(not(target_arch = "x86_64"))]
         let compiles = false;
         Cpu { precision, level, compiles }
     }
 
-    /// True where f32 kernels become machine code: on processors with AVX-512.
+    /// True where kernels become machine code: on processors with AVX-512.
     pub fn compiles(&self) -> bool {
         self.compiles
     }
@@ -93,11 +93,10 @@ impl Cpu {
     /// The instruction set in use and the number of rays that one pack holds.
     pub fn description(&self) -> String {
         match self.precision {
-            Precision::F64 => "cpu, f64, 1 ray at a time".into(),
+            Precision::F64 if self.compiles => "cpu, f64, 8 rays at a time (machine code for AVX-512)".into(),
+            Precision::F32 if self.compiles => "cpu, f32, 16 rays at a time (machine code for AVX-512)".into(),
+            Precision::F64 => "cpu, f64, 1 ray at a time (interpreted)".into(),
             Precision::F32 => {
-                if self.compiles {
-                    return "cpu, f32, 16 rays at a time (machine code for AVX-512)".into();
-                }
                 let lanes = dispatch!(self.level, simd => pack_lanes(simd));
                 // The level's debug text is its name and then its token.
                 let level = format!("{:?}", self.level);
@@ -120,7 +119,7 @@ impl Backend for Cpu {
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<CpuKernel, BackendError> {
         let program = Program::new(arena, kernel);
         #[cfg(target_arch = "x86_64")]
-        let compiled = if self.compiles { compiled::compile(&program) } else { None };
+        let compiled = if self.compiles { compiled::compile(&program, self.precision) } else { None };
         Ok(CpuKernel {
             #[cfg(target_arch = "x86_64")]
             compiled,
@@ -148,7 +147,13 @@ impl Backend for Cpu {
         Ok(match self.precision {
             Precision::F64 => {
                 let columns: Vec<&[f64]> = inputs.iter().flat_map(|c| c.f64s()).collect();
-                CpuColumns::F64(run_parallel(kernel, &columns, |k, i, o| run_group::<f64, 1>((), k, i, o)))
+                CpuColumns::F64(run_parallel(kernel, &columns, |k, i, o| {
+                    #[cfg(target_arch = "x86_64")]
+                    if let Some(compiled) = &k.compiled {
+                        return compiled.run::<f64, 8>(i, o);
+                    }
+                    run_group::<f64, 1>((), k, i, o);
+                }))
             }
             Precision::F32 => {
                 let columns: Vec<&[f32]> = inputs.iter().flat_map(|c| c.f32s()).collect();
@@ -156,7 +161,7 @@ impl Backend for Cpu {
                 CpuColumns::F32(run_parallel(kernel, &columns, |k, i, o| {
                     #[cfg(target_arch = "x86_64")]
                     if let Some(compiled) = &k.compiled {
-                        return compiled.run(i, o);
+                        return compiled.run::<f32, 16>(i, o);
                     }
                     dispatch!(level, simd => run_group::<Lanes<_>, WIDE>(simd, k, i, o));
                 }))

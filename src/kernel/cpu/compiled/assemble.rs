@@ -2,10 +2,12 @@
 
 use std::collections::HashMap;
 
+use iced_x86::Code::*;
 use iced_x86::{BlockEncoder, BlockEncoderOptions, Code, Instruction, InstructionBlock, MemoryOperand, Register};
 use memmap2::{Mmap, MmapMut};
 
 use super::trace::{Binary, Comparison, Unary};
+use crate::kernel::cpu::Precision;
 
 /// Bytes of a vector.
 pub(super) const VECTOR: usize = 64;
@@ -60,14 +62,15 @@ pub(super) enum Fused {
 }
 
 /// Instructions, and the constants that they refer to.
-#[derive(Default)]
 pub(super) struct Assembler {
+    precision: Precision,
     instructions: Vec<Instruction>,
     labels: u64,
     /// The label of the next instruction.
     here: u64,
+    /// Numbers and tables, in words of four bytes.
     pool: Vec<u32>,
-    pooled: HashMap<u32, u16>,
+    pooled: HashMap<u64, u16>,
 }
 
 fn vector(number: u8) -> Register {
@@ -91,11 +94,27 @@ fn constant(number: u16, broadcast: bool) -> MemoryOperand {
 const VALID: &str = "operands fit the instruction";
 
 impl Assembler {
-    /// The pool's number for these bits of an `f32`.
-    pub(super) fn constant(&mut self, bits: u32) -> u16 {
+    pub(super) fn new(precision: Precision) -> Assembler {
+        let (instructions, pool, pooled) = (Vec::new(), Vec::new(), HashMap::new());
+        Assembler { precision, instructions, labels: 0, here: 0, pool, pooled }
+    }
+
+    /// The form of an instruction for the precision.
+    fn form(&self, of_f32: Code, of_f64: Code) -> Code {
+        match self.precision {
+            Precision::F32 => of_f32,
+            Precision::F64 => of_f64,
+        }
+    }
+
+    /// The pool's place of these bits of a number.
+    pub(super) fn constant(&mut self, bits: u64) -> u16 {
         let next = self.pool.len() as u16;
         *self.pooled.entry(bits).or_insert_with(|| {
-            self.pool.push(bits);
+            self.pool.push(bits as u32);
+            if self.precision == Precision::F64 {
+                self.pool.push((bits >> 32) as u32);
+            }
             next
         })
     }
@@ -148,17 +167,17 @@ impl Assembler {
     pub(super) fn load(&mut self, dst: u8, source: Source) {
         let instruction = match source {
             Source::Constant(c) => {
-                Instruction::with2(Code::EVEX_Vbroadcastss_zmm_k1z_xmmm32, vector(dst), constant(c, false))
-                    .expect(VALID)
+                let code = self.form(EVEX_Vbroadcastss_zmm_k1z_xmmm32, EVEX_Vbroadcastsd_zmm_k1z_xmmm64);
+                Instruction::with2(code, vector(dst), constant(c, false)).expect(VALID)
             }
-            _ => self.two(Code::EVEX_Vmovaps_zmm_k1z_zmmm512, vector(dst), source),
+            _ => self.two(EVEX_Vmovaps_zmm_k1z_zmmm512, vector(dst), source),
         };
         self.push(instruction);
     }
 
     /// Copies into a register where lanes are active.
     pub(super) fn merge(&mut self, dst: u8, source: u8) {
-        let code = Code::EVEX_Vmovaps_zmm_k1z_zmmm512;
+        let code = self.form(EVEX_Vmovaps_zmm_k1z_zmmm512, EVEX_Vmovapd_zmm_k1z_zmmm512);
         let mut instruction = self.two(code, vector(dst), Source::Register(source));
         instruction.set_op_mask(mask(ACTIVE));
         self.push(instruction);
@@ -166,7 +185,7 @@ impl Assembler {
 
     /// Stores a register; only active lanes if `merge`.
     pub(super) fn store(&mut self, to: u16, source: u8, merge: bool) {
-        let code = Code::EVEX_Vmovaps_zmmm512_k1z_zmm;
+        let code = self.form(EVEX_Vmovaps_zmmm512_k1z_zmm, EVEX_Vmovapd_zmmm512_k1z_zmm);
         let mut instruction = Instruction::with2(code, slot(to), vector(source)).expect(VALID);
         if merge {
             instruction.set_op_mask(mask(ACTIVE));
@@ -176,9 +195,13 @@ impl Assembler {
 
     pub(super) fn unary(&mut self, operation: Unary, dst: u8, a: Source) {
         let instruction = match operation {
-            Unary::Sqrt => self.two(Code::EVEX_Vsqrtps_zmm_k1z_zmmm512b32_er, vector(dst), a),
+            Unary::Sqrt => {
+                let code = self.form(EVEX_Vsqrtps_zmm_k1z_zmmm512b32_er, EVEX_Vsqrtpd_zmm_k1z_zmmm512b64_er);
+                self.two(code, vector(dst), a)
+            }
             Unary::Floor => {
-                let code = Code::EVEX_Vrndscaleps_zmm_k1z_zmmm512b32_imm8_sae;
+                let code = self
+                    .form(EVEX_Vrndscaleps_zmm_k1z_zmmm512b32_imm8_sae, EVEX_Vrndscalepd_zmm_k1z_zmmm512b64_imm8_sae);
                 const DOWN_WITHOUT_EXCEPTIONS: u32 = 9;
                 match a {
                     Source::Register(r) => Instruction::with3(code, vector(dst), vector(r), DOWN_WITHOUT_EXCEPTIONS),
@@ -196,9 +219,15 @@ impl Assembler {
 
     /// Flips (`neg`) or clears (`abs`) the sign bit.
     pub(super) fn sign(&mut self, operation: Unary, dst: u8, a: u8) {
-        let (code, bits) = match operation {
-            Unary::Abs => (Code::EVEX_Vandps_zmm_k1z_zmm_zmmm512b32, 0x7fff_ffff),
-            _ => (Code::EVEX_Vxorps_zmm_k1z_zmm_zmmm512b32, 0x8000_0000),
+        let bits = match (self.precision, operation) {
+            (Precision::F32, Unary::Abs) => u64::from(u32::MAX >> 1),
+            (Precision::F32, _) => 1 << 31,
+            (Precision::F64, Unary::Abs) => u64::MAX >> 1,
+            (Precision::F64, _) => 1 << 63,
+        };
+        let code = match operation {
+            Unary::Abs => self.form(EVEX_Vandps_zmm_k1z_zmm_zmmm512b32, EVEX_Vandpd_zmm_k1z_zmm_zmmm512b64),
+            _ => self.form(EVEX_Vxorps_zmm_k1z_zmm_zmmm512b32, EVEX_Vxorpd_zmm_k1z_zmm_zmmm512b64),
         };
         let bits = Source::Constant(self.constant(bits));
         let instruction = self.three(code, dst, a, bits);
@@ -207,46 +236,57 @@ impl Assembler {
 
     pub(super) fn binary(&mut self, operation: Binary, dst: u8, a: u8, b: Source) {
         let code = match operation {
-            Binary::Add => Code::EVEX_Vaddps_zmm_k1z_zmm_zmmm512b32_er,
-            Binary::Sub => Code::EVEX_Vsubps_zmm_k1z_zmm_zmmm512b32_er,
-            Binary::Mul => Code::EVEX_Vmulps_zmm_k1z_zmm_zmmm512b32_er,
-            Binary::Div => Code::EVEX_Vdivps_zmm_k1z_zmm_zmmm512b32_er,
-            Binary::Min => Code::EVEX_Vminps_zmm_k1z_zmm_zmmm512b32_sae,
-            Binary::Max => Code::EVEX_Vmaxps_zmm_k1z_zmm_zmmm512b32_sae,
+            Binary::Add => self.form(EVEX_Vaddps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vaddpd_zmm_k1z_zmm_zmmm512b64_er),
+            Binary::Sub => self.form(EVEX_Vsubps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vsubpd_zmm_k1z_zmm_zmmm512b64_er),
+            Binary::Mul => self.form(EVEX_Vmulps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vmulpd_zmm_k1z_zmm_zmmm512b64_er),
+            Binary::Div => self.form(EVEX_Vdivps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vdivpd_zmm_k1z_zmm_zmmm512b64_er),
+            Binary::Min => self.form(EVEX_Vminps_zmm_k1z_zmm_zmmm512b32_sae, EVEX_Vminpd_zmm_k1z_zmm_zmmm512b64_sae),
+            Binary::Max => self.form(EVEX_Vmaxps_zmm_k1z_zmm_zmmm512b32_sae, EVEX_Vmaxpd_zmm_k1z_zmm_zmmm512b64_sae),
         };
         let instruction = self.three(code, dst, a, b);
         self.push(instruction);
     }
 
     pub(super) fn mul_add(&mut self, form: Fused, signs: (bool, bool), dst: u8, second: u8, last: Source) {
-        use Code::*;
-        let codes = match signs {
-            (false, false) => [
-                EVEX_Vfmadd132ps_zmm_k1z_zmm_zmmm512b32_er,
-                EVEX_Vfmadd213ps_zmm_k1z_zmm_zmmm512b32_er,
-                EVEX_Vfmadd231ps_zmm_k1z_zmm_zmmm512b32_er,
-            ],
-            (false, true) => [
-                EVEX_Vfmsub132ps_zmm_k1z_zmm_zmmm512b32_er,
-                EVEX_Vfmsub213ps_zmm_k1z_zmm_zmmm512b32_er,
-                EVEX_Vfmsub231ps_zmm_k1z_zmm_zmmm512b32_er,
-            ],
-            (true, false) => [
-                EVEX_Vfnmadd132ps_zmm_k1z_zmm_zmmm512b32_er,
-                EVEX_Vfnmadd213ps_zmm_k1z_zmm_zmmm512b32_er,
-                EVEX_Vfnmadd231ps_zmm_k1z_zmm_zmmm512b32_er,
-            ],
-            (true, true) => [
-                EVEX_Vfnmsub132ps_zmm_k1z_zmm_zmmm512b32_er,
-                EVEX_Vfnmsub213ps_zmm_k1z_zmm_zmmm512b32_er,
-                EVEX_Vfnmsub231ps_zmm_k1z_zmm_zmmm512b32_er,
-            ],
+        let code = match (form, signs) {
+            (Fused::Dst132, (false, false)) => {
+                [EVEX_Vfmadd132ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfmadd132pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst132, (false, true)) => {
+                [EVEX_Vfmsub132ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfmsub132pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst132, (true, false)) => {
+                [EVEX_Vfnmadd132ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfnmadd132pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst132, (true, true)) => {
+                [EVEX_Vfnmsub132ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfnmsub132pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst213, (false, false)) => {
+                [EVEX_Vfmadd213ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfmadd213pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst213, (false, true)) => {
+                [EVEX_Vfmsub213ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfmsub213pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst213, (true, false)) => {
+                [EVEX_Vfnmadd213ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfnmadd213pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst213, (true, true)) => {
+                [EVEX_Vfnmsub213ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfnmsub213pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst231, (false, false)) => {
+                [EVEX_Vfmadd231ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfmadd231pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst231, (false, true)) => {
+                [EVEX_Vfmsub231ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfmsub231pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst231, (true, false)) => {
+                [EVEX_Vfnmadd231ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfnmadd231pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
+            (Fused::Dst231, (true, true)) => {
+                [EVEX_Vfnmsub231ps_zmm_k1z_zmm_zmmm512b32_er, EVEX_Vfnmsub231pd_zmm_k1z_zmm_zmmm512b64_er]
+            }
         };
-        let code = match form {
-            Fused::Dst132 => codes[0],
-            Fused::Dst213 => codes[1],
-            Fused::Dst231 => codes[2],
-        };
+        let code = self.form(code[0], code[1]);
         let instruction = self.three(code, dst, second, last);
         self.push(instruction);
     }
@@ -259,7 +299,7 @@ impl Assembler {
             Comparison::Equal => 0,
             Comparison::IsTrue => 30,
         };
-        let code = Code::EVEX_Vcmpps_kr_k1_zmm_zmmm512b32_imm8_sae;
+        let code = self.form(EVEX_Vcmpps_kr_k1_zmm_zmmm512b32_imm8_sae, EVEX_Vcmppd_kr_k1_zmm_zmmm512b64_imm8_sae);
         let (dst, a) = (mask(dst), vector(a));
         let instruction = match b {
             Source::Register(r) => Instruction::with4(code, dst, a, vector(r), predicate),
@@ -270,15 +310,20 @@ impl Assembler {
     }
 
     pub(super) fn select(&mut self, dst: u8, condition: u8, otherwise: u8, then: Source) {
-        let mut instruction = self.three(Code::EVEX_Vblendmps_zmm_k1z_zmm_zmmm512b32, dst, otherwise, then);
+        let code = self.form(EVEX_Vblendmps_zmm_k1z_zmm_zmmm512b32, EVEX_Vblendmpd_zmm_k1z_zmm_zmmm512b64);
+        let mut instruction = self.three(code, dst, otherwise, then);
         instruction.set_op_mask(mask(condition));
         self.push(instruction);
     }
 
     /// 1 where the mask is set, else 0.
     pub(super) fn number_from_mask(&mut self, dst: u8, condition: u8) {
-        let one = self.constant(1f32.to_bits());
-        let code = Code::EVEX_Vbroadcastss_zmm_k1z_xmmm32;
+        let one = match self.precision {
+            Precision::F32 => u64::from(1f32.to_bits()),
+            Precision::F64 => 1f64.to_bits(),
+        };
+        let one = self.constant(one);
+        let code = self.form(EVEX_Vbroadcastss_zmm_k1z_xmmm32, EVEX_Vbroadcastsd_zmm_k1z_xmmm64);
         let mut instruction = Instruction::with2(code, vector(dst), constant(one, false)).expect(VALID);
         instruction.set_op_mask(mask(condition));
         instruction.set_zeroing_masking(true);
@@ -286,16 +331,16 @@ impl Assembler {
     }
 
     pub(super) fn mask_and(&mut self, dst: u8, a: u8, b: u8) {
-        self.masks(Code::VEX_Kandw_kr_kr_kr, dst, a, b);
+        self.masks(VEX_Kandw_kr_kr_kr, dst, a, b);
     }
 
     pub(super) fn mask_or(&mut self, dst: u8, a: u8, b: u8) {
-        self.masks(Code::VEX_Korw_kr_kr_kr, dst, a, b);
+        self.masks(VEX_Korw_kr_kr_kr, dst, a, b);
     }
 
     /// `b` where `a` is not set.
     pub(super) fn mask_and_not(&mut self, dst: u8, a: u8, b: u8) {
-        self.masks(Code::VEX_Kandnw_kr_kr_kr, dst, a, b);
+        self.masks(VEX_Kandnw_kr_kr_kr, dst, a, b);
     }
 
     fn masks(&mut self, code: Code, dst: u8, a: u8, b: u8) {
@@ -303,19 +348,19 @@ impl Assembler {
     }
 
     pub(super) fn mask_not(&mut self, dst: u8, a: u8) {
-        self.push(Instruction::with2(Code::VEX_Knotw_kr_kr, mask(dst), mask(a)).expect(VALID));
+        self.push(Instruction::with2(self.form(VEX_Knotw_kr_kr, VEX_Knotb_kr_kr), mask(dst), mask(a)).expect(VALID));
     }
 
     pub(super) fn mask_copy(&mut self, dst: u8, a: u8) {
-        self.push(Instruction::with2(Code::VEX_Kmovw_kr_km16, mask(dst), mask(a)).expect(VALID));
+        self.push(Instruction::with2(VEX_Kmovw_kr_km16, mask(dst), mask(a)).expect(VALID));
     }
 
     pub(super) fn mask_load(&mut self, dst: u8, from: u16) {
-        self.push(Instruction::with2(Code::VEX_Kmovw_kr_km16, mask(dst), slot(from)).expect(VALID));
+        self.push(Instruction::with2(VEX_Kmovw_kr_km16, mask(dst), slot(from)).expect(VALID));
     }
 
     pub(super) fn mask_store(&mut self, to: u16, a: u8) {
-        self.push(Instruction::with2(Code::VEX_Kmovw_m16_kr, slot(to), mask(a)).expect(VALID));
+        self.push(Instruction::with2(VEX_Kmovw_m16_kr, slot(to), mask(a)).expect(VALID));
     }
 
     /// Calls a function with the address of a slot.
@@ -336,14 +381,14 @@ impl Assembler {
     /// Jumps when no lane is active.
     pub(super) fn jump_if_none_active(&mut self, to: Label) {
         let active = mask(ACTIVE);
-        self.push(Instruction::with2(Code::VEX_Kortestw_kr_kr, active, active).expect(VALID));
+        self.push(Instruction::with2(VEX_Kortestw_kr_kr, active, active).expect(VALID));
         self.branch(Code::Je_rel32_64, to);
     }
 
     /// Jumps when at least as many lanes are active as the caller asked for.
     pub(super) fn jump_if_enough_active(&mut self, to: Label) {
         let (eax, wanted) = (Register::EAX, Register::R15D);
-        self.push(Instruction::with2(Code::VEX_Kmovw_r32_kr, eax, mask(ACTIVE)).expect(VALID));
+        self.push(Instruction::with2(VEX_Kmovw_r32_kr, eax, mask(ACTIVE)).expect(VALID));
         self.push(Instruction::with2(Code::Popcnt_r32_rm32, eax, eax).expect(VALID));
         self.push(Instruction::with2(Code::Cmp_r32_rm32, eax, wanted).expect(VALID));
         self.branch(Code::Jae_rel32_64, to);
@@ -389,7 +434,7 @@ impl Assembler {
     }
 
     pub(super) fn leave(&mut self) {
-        self.push(Instruction::with(Code::VEX_Vzeroupper));
+        self.push(Instruction::with(VEX_Vzeroupper));
         for register in SAVED.into_iter().rev() {
             self.push(Instruction::with1(Code::Pop_r64, register).expect(VALID));
         }
@@ -411,7 +456,7 @@ impl Assembler {
 const SAVED: [Register; 5] = [Register::RBX, Register::R12, Register::R13, Register::R14, Register::R15];
 
 /// A function of the maths kit over the vectors at an address: two arguments, then two results.
-pub(super) type Function = unsafe extern "sysv64" fn(*mut f32);
+pub(super) type Function = unsafe extern "sysv64" fn(*mut u8);
 
 /// Executable code and its constants.
 pub(super) struct MachineCode {
@@ -426,12 +471,13 @@ impl MachineCode {
     ///
     /// The processor must have AVX-512 as `fearless_simd` defines it, and the frame must have as many vectors as the code
     /// was written for.
-    pub(super) unsafe fn run(&self, frame: &mut [super::Vector], wanted: u32) {
-        type Entry = unsafe extern "sysv64" fn(*mut super::Vector, *const u32, u64);
+    pub(super) unsafe fn run<V>(&self, frame: &mut [V], wanted: u32) {
+        const { assert!(size_of::<V>() == VECTOR && align_of::<V>() == VECTOR) };
+        type Entry<V> = unsafe extern "sysv64" fn(*mut V, *const u32, u64);
         // SAFETY: the memory holds a function of this type, which `Assembler` wrote: it saves the caller's registers,
         // reads and writes the frame and reads the constants only.
         unsafe {
-            let entry = std::mem::transmute::<*const u8, Entry>(self.memory.as_ptr());
+            let entry = std::mem::transmute::<*const u8, Entry<V>>(self.memory.as_ptr());
             entry(frame.as_mut_ptr(), self.constants.as_ptr(), u64::from(wanted));
         }
     }

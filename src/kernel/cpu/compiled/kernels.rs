@@ -2,8 +2,10 @@
 
 use super::Compiled;
 use super::assemble::{Assembler, Counter};
+use super::kit::Kits;
 use super::segment::{Activity, CallSlots, REGISTERS, Segment, Slots, Target};
 use super::trace::{Place, Recorder, Traced, TracedMask, Value};
+use crate::kernel::cpu::Precision;
 use crate::kernel::cpu::estimate::POINT;
 use crate::kernel::cpu::interpret::interpret;
 use crate::kernel::cpu::march::{COLUMNS, RAY, STATE, STATUS, STEPS};
@@ -15,8 +17,8 @@ use crate::math::Real;
 const MOST_SET_ASIDE: usize = 14;
 
 /// Compiles a kernel; `None` where the system allows no code to be made.
-pub(in crate::kernel::cpu) fn compile(program: &Program) -> Option<Compiled> {
-    let mut builder = Builder::new();
+pub(in crate::kernel::cpu) fn compile(program: &Program, precision: Precision) -> Option<Compiled> {
+    let mut builder = Builder::new(precision);
     builder.assembler.enter();
     let (inputs, outputs, max_march_steps) = match program {
         Program::Map(set) => builder.map(set),
@@ -25,10 +27,11 @@ pub(in crate::kernel::cpu) fn compile(program: &Program) -> Option<Compiled> {
     };
     builder.assembler.leave();
     let slots = builder.slots.len();
-    Some(Compiled { code: builder.assembler.finish()?, slots, inputs, outputs, max_march_steps })
+    Some(Compiled { precision, code: builder.assembler.finish()?, slots, inputs, outputs, max_march_steps })
 }
 
 struct Builder {
+    precision: Precision,
     assembler: Assembler,
     slots: Slots,
     calls: CallSlots,
@@ -159,10 +162,14 @@ impl Frame for MarchFrame<'_> {
 }
 
 impl Builder {
-    fn new() -> Builder {
+    fn new(precision: Precision) -> Builder {
         let mut slots = Slots::default();
-        let calls = CallSlots { first: slots.take_many(CallSlots::COUNT) };
-        Builder { assembler: Assembler::default(), slots, calls }
+        let calls = CallSlots { first: slots.take_many(CallSlots::COUNT), kits: Kits { precision } };
+        Builder { precision, assembler: Assembler::new(precision), slots, calls }
+    }
+
+    fn recorder(&self) -> Recorder {
+        Recorder::new(self.precision)
     }
 
     fn emit(&mut self, recorder: Recorder, outputs: Outputs, activity: Activity, limit: u8) {
@@ -170,10 +177,10 @@ impl Builder {
         segment.emit(&mut self.assembler, &mut self.slots, self.calls, limit);
     }
 
-    fn map(&mut self, set: &TapeSet) -> (u16, u16, Option<f32>) {
+    fn map(&mut self, set: &TapeSet) -> (u16, u16, Option<f64>) {
         let tape = &set.tapes[0];
         let (inputs, outputs) = (self.slots.take_many(tape.inputs.len()), self.slots.take_many(tape.outputs.len()));
-        let recorder = Recorder::default();
+        let recorder = self.recorder();
         let values = read_all(&recorder, &slots_from(inputs, tape.inputs.len()));
         let results = run_tape(&recorder, set, tape, &values);
         let stored = store_all(&results, &slots_from(outputs, tape.outputs.len()), false);
@@ -181,7 +188,7 @@ impl Builder {
         (inputs, outputs, None)
     }
 
-    fn estimate(&mut self, tapes: &EstimatorTapes) -> (u16, u16, Option<f32>) {
+    fn estimate(&mut self, tapes: &EstimatorTapes) -> (u16, u16, Option<f64>) {
         let counts = (POINT, tapes.combine.tapes[0].outputs.len());
         let (inputs, outputs) = (self.slots.take_many(counts.0), self.slots.take_many(counts.1));
         let frame = EstimateFrame { inputs: slots_from(inputs, counts.0), outputs: slots_from(outputs, counts.1) };
@@ -189,17 +196,17 @@ impl Builder {
         (inputs, outputs, None)
     }
 
-    fn march(&mut self, tapes: &MarchTapes) -> (u16, u16, Option<f32>) {
+    fn march(&mut self, tapes: &MarchTapes) -> (u16, u16, Option<f64>) {
         let columns = self.slots.take_many(COLUMNS);
         let frame = MarchFrame { tapes, columns: slots_from(columns, COLUMNS) };
         let start = self.assembler.label();
         self.assembler.place(start);
         self.estimator(&tapes.estimator, &frame);
-        let recorder = Recorder::default();
+        let recorder = self.recorder();
         let running = frame.running(&recorder).value;
         self.emit(recorder, Vec::new(), Activity::Become(running), REGISTERS);
         self.assembler.jump_if_enough_active(start);
-        (columns, columns + RAY as u16, Some(tapes.max_march_steps as f32))
+        (columns, columns + RAY as u16, Some(f64::from(tapes.max_march_steps)))
     }
 
     /// All orbits of an estimator, and what the kernel makes of them.
@@ -214,14 +221,14 @@ impl Builder {
             self.iterate(orbit, &places);
             let made = orbit.set.tapes[1].outputs.len() + 2;
             let slots = slots_from(self.slots.take_many(made), made);
-            let recorder = Recorder::default();
+            let recorder = self.recorder();
             let values = finish(&recorder, orbit, &places);
             let stored = store_all(&values, &slots, false);
             self.emit(recorder, stored, Activity::Unchanged, places.limit);
             counts.push(slots[made - 1]);
             results.extend(slots);
         }
-        let recorder = Recorder::default();
+        let recorder = self.recorder();
         let mut inputs = match tapes.orbits.is_empty() {
             true => frame.begin(&recorder).0,
             false => read_all(&recorder, &point),
@@ -249,7 +256,9 @@ impl Builder {
         };
         let places = in_slots(state);
         let mut items = orbit.set.tapes[orbit.items..].iter();
-        if orbit.state + 1 > MOST_SET_ASIDE || items.any(|item| item_segment(orbit, item, &places).has_calls()) {
+        if orbit.state + 1 > MOST_SET_ASIDE
+            || items.any(|item| item_segment(self.recorder(), orbit, item, &places).has_calls())
+        {
             return places;
         }
         let limit = REGISTERS - (orbit.state + 1) as u8;
@@ -267,7 +276,7 @@ impl Builder {
         live: Place,
         first: bool,
     ) {
-        let recorder = Recorder::default();
+        let recorder = self.recorder();
         let mut outputs = Vec::new();
         let (values, active) = match first {
             true => {
@@ -294,8 +303,10 @@ impl Builder {
         if orbit.max_iterations == 0 {
             return;
         }
-        let items: Vec<Segment> =
-            orbit.set.tapes[orbit.items..].iter().map(|item| item_segment(orbit, item, places)).collect();
+        let items: Vec<Segment> = orbit.set.tapes[orbit.items..]
+            .iter()
+            .map(|item| item_segment(self.recorder(), orbit, item, places))
+            .collect();
         let counts = items.iter().any(|item| item.reads(Place::Slot(places.iteration)));
         let (again, done) = (self.assembler.label(), self.assembler.label());
         self.assembler.set_counter(Counter::Iterations, orbit.max_iterations);
@@ -320,7 +331,7 @@ impl Builder {
         }
         self.assembler.place(next);
         if counts {
-            let recorder = Recorder::default();
+            let recorder = self.recorder();
             let iteration = recorder.read(Place::Slot(places.iteration)) + Traced::splat(&recorder, 1.0);
             let stored = vec![(iteration.value, Target::Slot(places.iteration))];
             self.emit(recorder, stored, Activity::Unchanged, places.limit);
@@ -331,8 +342,7 @@ impl Builder {
 }
 
 /// One iteration: the new state where lanes are active, and the end of those that escaped.
-fn item_segment(orbit: &OrbitTapes, item: &Tape, places: &Places) -> Segment {
-    let recorder = Recorder::default();
+fn item_segment(recorder: Recorder, orbit: &OrbitTapes, item: &Tape, places: &Places) -> Segment {
     let mut inputs = read_all(&recorder, &places.state);
     inputs.extend(read_all(&recorder, &places.frozen));
     inputs.push(recorder.read(Place::Slot(places.iteration)));

@@ -1,6 +1,6 @@
 //! Tapes as machine code, for processors with AVX-512: what the interpreter does, without its loads and stores.
 //!
-//! A kernel becomes one function over a frame of vectors, 16 rays in step, with its loops: rays, orbits' states and
+//! A kernel becomes one function over a frame of vectors, 16 rays in step (8 in f64), with its loops: rays, orbits' states and
 //! temporaries stay in registers, and lanes that are done keep their values by masked moves. Results are those of the
 //! interpreter to the last bit. [`trace`] says what is computed, [`segment`] in which registers, [`assemble`] in which
 //! bytes. Other processors, and systems that allow no such code, have the interpreter.
@@ -14,20 +14,17 @@ mod trace;
 use self::assemble::MachineCode;
 pub(super) use self::kernels::compile;
 use crate::kernel::Status;
+use crate::kernel::cpu::Precision;
 use crate::kernel::cpu::march::{COLUMNS, RAY, STATUS, STEPS, start_of};
-
-/// Rays in step.
-const LANES: usize = 16;
-/// Running lanes of a march below which its finished rays make room for others.
-const ENOUGH: u32 = 13;
 
 /// One vector of the frame.
 #[repr(C, align(64))]
 #[derive(Clone, Copy)]
-pub(super) struct Vector([f32; LANES]);
+pub(super) struct Vector<T, const LANES: usize>([T; LANES]);
 
 /// A kernel as machine code.
 pub(super) struct Compiled {
+    precision: Precision,
     code: MachineCode,
     /// Vectors of the frame.
     slots: usize,
@@ -36,26 +33,32 @@ pub(super) struct Compiled {
     /// First vector of the outputs.
     outputs: u16,
     /// Most steps of a ray, where this is a march.
-    max_march_steps: Option<f32>,
+    max_march_steps: Option<f64>,
 }
 
 impl Compiled {
-    /// Runs the kernel on columns.
-    pub(super) fn run(&self, inputs: &[&[f32]], outputs: &mut [Vec<f32>]) {
-        let mut frame = vec![Vector([0.0; LANES]); self.slots];
+    /// Runs the kernel on columns. `T` and `LANES` must be those that it was compiled for.
+    pub(super) fn run<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [Vec<T>]) {
+        assert_eq!(T::PRECISION, self.precision);
+        let mut frame = vec![Vector([T::default(); LANES]); self.slots];
         match self.max_march_steps {
             Some(limit) => self.march(&mut frame, limit, inputs, outputs),
             None => self.map(&mut frame, inputs, outputs),
         }
     }
 
-    fn call(&self, frame: &mut [Vector], wanted: u32) {
+    fn call<T, const LANES: usize>(&self, frame: &mut [Vector<T, LANES>], wanted: u32) {
         debug_assert_eq!(frame.len(), self.slots);
         // SAFETY: `compile` makes code only at the level `Avx512`, and `run` makes the frame as long as it says.
         unsafe { self.code.run(frame, wanted) }
     }
 
-    fn map(&self, frame: &mut [Vector], inputs: &[&[f32]], outputs: &mut [Vec<f32>]) {
+    fn map<T: Element, const LANES: usize>(
+        &self,
+        frame: &mut [Vector<T, LANES>],
+        inputs: &[&[T]],
+        outputs: &mut [Vec<T>],
+    ) {
         let len = inputs.first().map_or(0, |column| column.len());
         for at in (0..len).step_by(LANES) {
             let count = LANES.min(len - at);
@@ -71,16 +74,24 @@ impl Compiled {
     }
 
     /// Marches rays; each that is done makes room for the next.
-    fn march(&self, frame: &mut [Vector], limit: f32, inputs: &[&[f32]], outputs: &mut [Vec<f32>]) {
+    fn march<T: Element, const LANES: usize>(
+        &self,
+        frame: &mut [Vector<T, LANES>],
+        limit: f64,
+        inputs: &[&[T]],
+        outputs: &mut [Vec<T>],
+    ) {
         let mut waiting = 0..inputs[0].len();
         let mut rays = [None; LANES];
         let columns = self.inputs as usize..self.inputs as usize + COLUMNS;
-        frame[columns.start + STATUS].0.fill(Status::Miss.code() as f32);
+        frame[columns.start + STATUS].0.fill(T::from_f64(Status::Miss.code()));
+        // With fewer lanes running than this, finished rays make room for others.
+        let enough = (LANES * 13 / 16) as u32;
         loop {
             for (lane, ray) in rays.iter_mut().enumerate() {
                 let columns = &mut frame[columns.clone()];
-                let is_done = columns[STATUS].0[lane] != 0.0 || columns[STEPS].0[lane] >= limit;
-                if !is_done {
+                let value = |column: usize| -> f64 { columns[column].0[lane].into() };
+                if value(STATUS) == 0.0 && value(STEPS) < limit {
                     continue;
                 }
                 if let Some(ray) = ray.take() {
@@ -90,14 +101,34 @@ impl Compiled {
                 }
                 if let Some(next) = waiting.next() {
                     *ray = Some(next);
-                    let values = start_of(inputs, next).map(|x| x as f32);
+                    let values = start_of(inputs, next).map(T::from_f64);
                     columns.iter_mut().zip(values).for_each(|(vector, value)| vector.0[lane] = value);
                 }
             }
             if rays.iter().all(Option::is_none) {
                 break;
             }
-            self.call(frame, if waiting.is_empty() { 1 } else { ENOUGH });
+            self.call(frame, if waiting.is_empty() { 1 } else { enough });
         }
+    }
+}
+
+/// The number of one lane.
+pub(super) trait Element: Copy + Default + Into<f64> {
+    const PRECISION: Precision;
+    fn from_f64(x: f64) -> Self;
+}
+
+impl Element for f32 {
+    const PRECISION: Precision = Precision::F32;
+    fn from_f64(x: f64) -> f32 {
+        x as f32
+    }
+}
+
+impl Element for f64 {
+    const PRECISION: Precision = Precision::F64;
+    fn from_f64(x: f64) -> f64 {
+        x
     }
 }

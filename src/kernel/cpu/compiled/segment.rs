@@ -4,7 +4,7 @@
 //! value that is used last makes room (Belady's rule): it goes to the frame, unless it is there anyway.
 
 use super::assemble::{ACTIVE, Assembler, Function, Fused, Source};
-use super::kit::function;
+use super::kit::Kits;
 use super::trace::{Binary, Operation, Place, Unary, Value};
 
 /// Vector registers of the machine.
@@ -69,6 +69,7 @@ impl Slots {
 #[derive(Clone, Copy)]
 pub(super) struct CallSlots {
     pub(super) first: u16,
+    pub(super) kits: Kits,
 }
 
 impl CallSlots {
@@ -390,7 +391,7 @@ impl<'a> Emitter<'a> {
                 self.hold(value, dst);
             }
             Operation::Call(kit, a, b) => {
-                self.call(function(kit), [a, b]);
+                self.call(self.calls.kits.function(kit), [a, b]);
                 let dst = self.take_vector(&[]);
                 self.assembler.load(dst, Source::Slot(self.calls.first + 2));
                 self.hold(value, dst);

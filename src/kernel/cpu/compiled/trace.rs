@@ -7,8 +7,10 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use crate::kernel::cpu::Precision;
 use crate::kernel::cpu::interpret::Machine;
 use crate::math::Real;
+use crate::math::scalar::FUSED;
 
 /// Number of a recorded value: its operation's place in the list.
 pub(super) type Value = u32;
@@ -27,8 +29,8 @@ pub(super) enum Place {
 /// One machine-level operation on all lanes.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub(super) enum Operation {
-    /// The bits of an `f32`, in all lanes.
-    Constant(u32),
+    /// The bits of a number, in all lanes.
+    Constant(u64),
     Read(Place),
     Unary(Unary, Value),
     Binary(Binary, Value, Value),
@@ -116,13 +118,17 @@ impl Operation {
 }
 
 /// What has been recorded; equal operations on equal values are one.
-#[derive(Default)]
 pub(super) struct Recorder {
+    precision: Precision,
     operations: RefCell<Vec<Operation>>,
     known: RefCell<HashMap<Operation, Value>>,
 }
 
 impl Recorder {
+    pub(super) fn new(precision: Precision) -> Recorder {
+        Recorder { precision, operations: RefCell::default(), known: RefCell::default() }
+    }
+
     /// The value of an operation.
     pub(super) fn value(&self, operation: Operation) -> Value {
         *self.known.borrow_mut().entry(operation).or_insert_with(|| {
@@ -237,7 +243,10 @@ impl<'a> Real for Traced<'a> {
     type Mask = TracedMask<'a>;
 
     fn splat(recorder: &'a Recorder, x: f64) -> Self {
-        recorder.number(Operation::Constant((x as f32).to_bits()))
+        recorder.number(Operation::Constant(match recorder.precision {
+            Precision::F32 => u64::from((x as f32).to_bits()),
+            Precision::F64 => x.to_bits(),
+        }))
     }
 
     fn abs(self) -> Self {
@@ -261,6 +270,9 @@ impl<'a> Real for Traced<'a> {
     }
 
     fn mul_add(self, a: Self, b: Self) -> Self {
+        if self.recorder.precision == Precision::F64 && !FUSED {
+            return self * a + b;
+        }
         // The machine's fused forms change signs for nothing.
         let ((x, minus_x), (c, minus_c)) = (self.without_sign(), b.without_sign());
         let operation = Operation::MulAdd { a: x, b: a.value, c, minus_product: minus_x, minus_c };
