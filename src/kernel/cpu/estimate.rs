@@ -6,7 +6,7 @@ use crate::expr::Port;
 use crate::expr::ops::Register;
 use crate::kernel::Estimator;
 use crate::kernel::tape::Tape;
-use crate::math::Real;
+use crate::math::{Pack, Real};
 
 /// Columns of a point; the last one is `hit_eps`.
 pub(super) const POINT: usize = 8;
@@ -17,7 +17,7 @@ pub(super) struct Files<R: Real, const K: usize> {
     pub(super) combine: Vec<Register<R, K>>,
 }
 
-impl<R: Machine, const K: usize> Files<R, K> {
+impl<R: Machine + Pack, const K: usize> Files<R, K> {
     pub(super) fn new(token: R::Token, tapes: &EstimatorTapes) -> Self {
         Files {
             orbits: tapes.orbits.iter().map(|o| o.set.register_file(token)).collect(),
@@ -27,7 +27,7 @@ impl<R: Machine, const K: usize> Files<R, K> {
 }
 
 #[inline(always)]
-pub(super) fn run_map<R: Machine, const K: usize>(
+pub(super) fn run_map<R: Machine + Pack, const K: usize>(
     token: R::Token,
     set: &TapeSet,
     inputs: &[&[R::Scalar]],
@@ -47,7 +47,7 @@ pub(super) fn run_map<R: Machine, const K: usize>(
 }
 
 #[inline(always)]
-pub(super) fn run_estimates<R: Machine, const K: usize>(
+pub(super) fn run_estimates<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &EstimatorTapes,
     inputs: &[&[R::Scalar]],
@@ -75,7 +75,7 @@ pub(super) fn run_estimates<R: Machine, const K: usize>(
 /// Estimates at a pack of points ([`Estimator::inputs`]); the results lie in the output registers of `combine`.
 /// Lanes where `live` is 0 are not waited for. Returns the iterations of all orbits.
 #[inline(always)]
-pub(super) fn estimate<R: Machine, const K: usize>(
+pub(super) fn estimate<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &EstimatorTapes,
     files: &mut Files<R, K>,
@@ -111,7 +111,7 @@ pub(super) fn estimate<R: Machine, const K: usize>(
 /// Iterates an orbit until every live lane has escaped or `max_iterations` are done. Leaves the end state in the state
 /// registers; returns 1 where a lane has not escaped, and the iterations done.
 #[inline(always)]
-pub(super) fn iterate<R: Machine, const K: usize>(
+pub(super) fn iterate<R: Machine + Pack, const K: usize>(
     token: R::Token,
     orbit: &OrbitTapes,
     registers: &mut [Register<R, K>],
@@ -142,7 +142,7 @@ pub(super) fn iterate<R: Machine, const K: usize>(
 /// Takes over the new state where a lane is active, counts its iteration, and ends the lanes that escaped.
 /// Returns whether any lane is still active.
 #[inline(always)]
-pub(super) fn keep_active<R: Machine, const K: usize>(
+pub(super) fn keep_active<R: Machine + Pack, const K: usize>(
     token: R::Token,
     item: &Tape,
     registers: &mut [Register<R, K>],
