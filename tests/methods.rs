@@ -292,7 +292,7 @@ fn box_form_of_the_menger_sponge_is_its_cube() {
     let points: Vec<P> = (0..2000).map(|_| [(); 3].map(|()| random.range(-0.9999, 0.9999))).collect();
     let query = Query { points: &points, directions: &directions(1), h: 1e-4 };
     let found = probe(&subject, Target::CpuF64, &query, |_| {});
-    assert!(points.iter().filter(|p| is_in(**p)).count() > 500);
+    assert!(points.iter().filter(|p| is_in(**p)).count() > 200);
     for (i, p) in points.iter().enumerate() {
         assert_eq!(found[1][i] > 0.5, is_in(*p), "{p:?}");
     }
