@@ -1,4 +1,4 @@
-//! Marching at 640x480: scalar f64 tape, wide f32 tape, and the generated WGSL on whatever adapter there is.
+//! Marching at 640x480: the scalar f64 tape, machine code or wide tape in f32, and the generated WGSL on whatever adapter there is.
 //!
 //! The CPU runs on one thread (`RAYON_NUM_THREADS` is set to 1 unless given), so that its precisions compare lane with
 //! lane; lavapipe uses all cores, as drivers do. `cargo bench` prints the times side by side.
@@ -44,7 +44,17 @@ fn bench_march<B: Backend>(bencher: divan::Bencher, name: &str, backend: &B) {
 
 #[divan::bench(args = FRACTALS, sample_count = 3, sample_size = 1)]
 fn cpu_f64(bencher: divan::Bencher, name: &str) {
+    bench_march(bencher, name, &Cpu::new(Precision::F64).interpreted());
+}
+
+#[divan::bench(args = FRACTALS, sample_count = 3, sample_size = 1)]
+fn cpu_f64_compiled(bencher: divan::Bencher, name: &str) {
     bench_march(bencher, name, &Cpu::new(Precision::F64));
+}
+
+#[divan::bench(args = FRACTALS, sample_count = 9, sample_size = 1)]
+fn cpu_f32_interpreted(bencher: divan::Bencher, name: &str) {
+    bench_march(bencher, name, &Cpu::new(Precision::F32).interpreted());
 }
 
 #[divan::bench(args = FRACTALS, sample_count = 9, sample_size = 1)]

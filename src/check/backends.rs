@@ -36,7 +36,7 @@ impl Target {
         match (self, method) {
             (Target::CpuF64, _) => 0.0,
             // A difference of two numbers of 24 bits over a step of a hundredth of the estimate.
-            (_, Method::Delta) => 1e-2,
+            (_, method) if method.is_difference() => 1e-2,
             // Ten iterations of a power 8 lose about 3 of 7 digits: every one multiplies the relative error by 8.
             _ => 2e-4,
         }

@@ -183,7 +183,7 @@ impl Case<'_> {
         let flips = |at: usize| (1..each).any(|i| values[at].1 != values[at + i].1);
         let relative = match self.subject.method() {
             // Forward differences over a hundredth of the estimate look to one side, and far out orbits bend a lot.
-            Some(Method::Delta) => 0.1,
+            Some(method) if method.is_difference() => 0.1,
             _ => self.target.estimate_slack(Method::Scalar),
         };
         let mut wrong = Vec::new();

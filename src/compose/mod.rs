@@ -6,7 +6,9 @@
 //! equal subexpressions of value and derivative are computed once.
 
 pub mod choose;
+mod estimate;
 mod field;
+pub mod norm;
 mod orbit;
 pub mod placement;
 

@@ -1,33 +1,15 @@
 //! `f64` as a [`Real`]: the scalar reference, from the standard library.
 
-use super::real::Real;
+use super::real::{Pack, Real};
 
 /// True where the target always has a fused multiply-add; without it, `f64::mul_add` is a slow library call.
-const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
+pub(crate) const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
 
 impl Real for f64 {
-    type Scalar = f64;
     type Token = ();
     type Mask = bool;
-    const LANES: usize = 1;
-
     #[inline(always)]
     fn splat(_token: (), x: f64) -> Self {
-        x
-    }
-
-    #[inline(always)]
-    fn load(_token: (), src: &[f64]) -> Self {
-        src[0]
-    }
-
-    #[inline(always)]
-    fn store(self, dst: &mut [f64]) {
-        dst[0] = self;
-    }
-
-    #[inline(always)]
-    fn scalar(x: f64) -> f64 {
         x
     }
 
@@ -48,12 +30,13 @@ impl Real for f64 {
 
     #[inline(always)]
     fn min(self, other: Self) -> Self {
-        self.min(other)
+        // As processors have it: the other one where either is not a number.
+        if self < other { self } else { other }
     }
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        self.max(other)
+        if self > other { self } else { other }
     }
 
     #[inline(always)]
@@ -132,11 +115,6 @@ impl Real for f64 {
     }
 
     #[inline(always)]
-    fn mask_any(mask: bool) -> bool {
-        mask
-    }
-
-    #[inline(always)]
     fn from_mask(_token: (), mask: bool) -> Self {
         f64::from(u8::from(mask))
     }
@@ -144,6 +122,31 @@ impl Real for f64 {
     #[inline(always)]
     fn to_mask(self) -> bool {
         self > 0.5
+    }
+}
+
+impl Pack for f64 {
+    type Scalar = f64;
+    const LANES: usize = 1;
+
+    #[inline(always)]
+    fn load(_token: (), src: &[f64]) -> Self {
+        src[0]
+    }
+
+    #[inline(always)]
+    fn store(self, dst: &mut [f64]) {
+        dst[0] = self;
+    }
+
+    #[inline(always)]
+    fn scalar(x: f64) -> f64 {
+        x
+    }
+
+    #[inline(always)]
+    fn mask_any(mask: bool) -> bool {
+        mask
     }
 }
 

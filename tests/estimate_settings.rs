@@ -1,0 +1,101 @@
+//! What files and flags may say about estimates, and what becomes of it.
+
+use bulbfold::check::{Backends, Formula, Target};
+use bulbfold::compose::{Purpose, compose_estimator};
+use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method};
+use bulbfold::kernel::Kernel;
+use bulbfold::march::{MarchSettings, compose_march};
+
+fn formula(text: &str) -> Formula {
+    Formula::from_ron(text).unwrap_or_else(|error| panic!("{text}\n{error}"))
+}
+
+/// The step of finite differences that a march takes: the share or length asked for, above the precision's least one.
+#[test]
+fn marches_take_the_step_that_is_asked_for() {
+    let text =
+        r#"(nodes: { "square": quaternion_square() }, bounding_radius: 2, estimate: (method: delta, step: STEP))"#;
+    let (least, last_de, p) = (1e-5, 0.5, [3.0, 0.0, 0.0]);
+    for (step, parsed, wanted) in [
+        ("Share(0.1)", DifferenceStep::Share(0.1), 0.05),
+        ("Share(1e-6)", DifferenceStep::Share(1e-6), 3e-5),
+        ("0.002", DifferenceStep::Fixed(0.002), 0.002),
+        ("1e-9", DifferenceStep::Fixed(1e-9), 3e-5),
+    ] {
+        let formula = formula(&text.replace("STEP", step));
+        let plan = formula.plan();
+        assert_eq!((plan.choices[0].method, plan.difference_step), (Method::Delta, parsed));
+        let subject = formula.subject();
+        let estimator = compose_estimator(&subject.composer(), &plan.choices, Purpose::March);
+        let settings = MarchSettings { min_difference: least, difference_step: parsed, ..MarchSettings::default() };
+        let march = compose_march(subject.arena, estimator.unwrap_or_else(|e| panic!("{}", e.message)), &settings);
+        let names: Vec<String> = march.locate.output_ports().into_iter().map(|port| port.name).collect();
+        assert_eq!(names, ["p", "d", "h", "hit_eps"]);
+        // Ray from p along y, at t = 0; last_de is the state's fifth number.
+        let ray = [p[0], p[1], p[2], 0.0, 1.0, 0.0, 0.0, 9.0, 0.0, 0.0, -1.0, -1.0, last_de, 0.0];
+        let columns: Vec<Vec<f64>> = ray.iter().map(|x| vec![*x]).collect();
+        let out =
+            Backends::cpu_only().run(Target::CpuF64, subject.arena, &Kernel::Map(march.locate), &columns).unwrap();
+        assert_eq!([out[3][0], out[4][0], out[5][0]], [0.0, 1.0, 0.0]);
+        assert!((out[6][0] - wanted).abs() < 1e-15, "{step}: {}", out[6][0]);
+    }
+}
+
+#[test]
+fn methods_that_do_not_apply_say_why() {
+    let bulb = r#"(nodes: { "bulb": bulb_power() }, bounding_radius: 2, estimate: (method: METHOD))"#;
+    let boxed = r#"(nodes: { "fold": box_fold(), "grow": scale(scale: 2), "box": Sequence(["fold", "grow"]) },
+        output: "box", bounding_radius: 6, estimate: (method: METHOD))"#;
+    for (text, method, why) in [
+        (bulb, "own", "an iterated map has no distance of its own"),
+        (boxed, "own", "only primitives have"),
+        (boxed, "potential", "r grows by a factor"),
+        (boxed, "sinh", "there is no potential"),
+    ] {
+        let formula = formula(&text.replace("METHOD", method));
+        let plan = formula.plan();
+        assert!(plan.warnings.len() == 1 && plan.warnings[0].contains(why), "{:?}", plan.warnings);
+        assert_ne!(plan.choices[0].method.name(), method);
+    }
+    let formula = formula(&bulb.replace("METHOD", "sinh, form: linear"));
+    assert!(formula.plan().warnings[0].contains("logarithmic by itself"), "{:?}", formula.plan().warnings);
+    assert_eq!(formula.plan().choices[0].form, DeForm::Logarithmic);
+}
+
+#[test]
+fn every_method_and_form_is_a_field() {
+    for method in Method::ALL {
+        for form in DeForm::ALL {
+            let text = format!(
+                r#"(nodes: {{ "bulb": bulb_power() }}, bounding_radius: 2, max_iterations: 3,
+                    estimate: (method: "{}", form: "{}", axis: (0, 3, 4), difference: ln_r))"#,
+                method.name(),
+                form.name()
+            );
+            let formula = formula(&text);
+            let choice = &formula.plan().choices[0];
+            let wanted = if method == Method::Own { Method::Gradient } else { method };
+            let wanted_form = if method.is_potential() { DeForm::Logarithmic } else { form };
+            assert_eq!((choice.method, choice.form), (wanted, wanted_form), "{text}");
+            assert_eq!((choice.axis, choice.difference), ([0.0, 0.6, 0.8], Some(Difference::LnR)));
+        }
+    }
+    let text = r#"(nodes: { "bulb": bulb_power() }, bounding_radius: 2, estimate: (method: auto, form: auto))"#;
+    assert_eq!(formula(text).plan().choices[0].method, Method::Gradient);
+    for wrong in ["method: gradiant", "form: round", "difference: s", "step: 0", "step: Share(2)", "axis: (0, 0, 0)"] {
+        let text = format!(r#"(nodes: {{ "bulb": bulb_power() }}, estimate: ({wrong}))"#);
+        assert!(Formula::from_ron(&text).is_err(), "{wrong}");
+    }
+}
+
+/// A primitive's own distance is its estimate, and any other method is refused.
+#[test]
+fn primitives_have_their_own_distance() {
+    let formula = formula(r#"(nodes: { "ball": Sphere(radius: 0.75) })"#);
+    assert_eq!(formula.plan().applicable(), [Method::Own]);
+    assert_eq!(formula.estimate([0.0, 2.0, 0.0], Method::Own), 1.25);
+    let subject = formula.subject();
+    let wanted = EstimateSettings { method: Some(Method::Scalar), ..Default::default() };
+    let plan = bulbfold::compose::choose(&subject.composer(), &wanted).unwrap_or_else(|e| panic!("{}", e.message));
+    assert!(plan.warnings[0].contains("primitives are not iterated"), "{:?}", plan.warnings);
+}
