@@ -18,6 +18,7 @@
 pub mod backends;
 mod cases;
 mod formula;
+pub mod measure;
 mod random;
 mod report;
 mod runner;

@@ -6,6 +6,8 @@
 
 mod arguments;
 mod backend;
+#[cfg(feature = "chart")]
+mod chart;
 mod compile;
 mod docs;
 mod doctor;
@@ -58,6 +60,9 @@ enum Command {
     Test(test::Arguments),
     /// Print what the formula says at points or along rays, as text or JSON lines.
     Probe(probe::Arguments),
+    /// Draw what every distance estimate costs and how right it is.
+    #[cfg(feature = "chart")]
+    Chart(chart::Arguments),
     /// List steps, fractals and scripts.
     List(list::Arguments),
     /// Explain a step or a fractal.
@@ -132,6 +137,8 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::Compile(arguments) => compile::run(arguments, &mut Session::new(folders)?, out),
         Command::Test(arguments) => test::run(arguments, &mut Session::new(folders)?, out),
         Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
+        #[cfg(feature = "chart")]
+        Command::Chart(arguments) => chart::run(arguments, &mut Session::new(folders)?),
         Command::List(arguments) => list::run(arguments, &mut Session::new(folders)?, out),
         Command::Explain(arguments) => explain::run(arguments, &mut Session::new(folders)?, out),
         Command::New(arguments) => new::run(arguments),
