@@ -21,7 +21,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use fearless_simd::{Bytes, ExtractToken, Select, Simd, SimdBase, SimdFloat, SimdInt, SimdMask};
 
-use super::real::Real;
+use super::real::{Pack, Real};
 
 /// 1.5 * 2^23: adding it rounds a small number to an integer, which the low bits of the sum then hold.
 const ROUNDER: f32 = 12_582_912.0;
@@ -71,29 +71,11 @@ impl<S: Simd> Neg for Lanes<S> {
 }
 
 impl<S: Simd> Real for Lanes<S> {
-    type Scalar = f32;
     type Token = S;
     type Mask = S::mask32s;
-    const LANES: usize = <S::f32s as SimdBase<S>>::LEN;
-
     #[inline(always)]
     fn splat(token: S, x: f64) -> Self {
         Self(S::f32s::splat(token, x as f32))
-    }
-
-    #[inline(always)]
-    fn load(token: S, src: &[f32]) -> Self {
-        Self(S::f32s::from_slice(token, &src[..Self::LANES]))
-    }
-
-    #[inline(always)]
-    fn store(self, dst: &mut [f32]) {
-        self.0.store_slice(&mut dst[..Self::LANES]);
-    }
-
-    #[inline(always)]
-    fn scalar(x: f64) -> f32 {
-        x as f32
     }
 
     #[inline(always)]
@@ -198,11 +180,6 @@ impl<S: Simd> Real for Lanes<S> {
     }
 
     #[inline(always)]
-    fn mask_any(mask: S::mask32s) -> bool {
-        mask.any_true()
-    }
-
-    #[inline(always)]
     fn from_mask(token: S, mask: S::mask32s) -> Self {
         Self(mask.select(S::f32s::splat(token, 1.0), S::f32s::splat(token, 0.0)))
     }
@@ -210,6 +187,31 @@ impl<S: Simd> Real for Lanes<S> {
     #[inline(always)]
     fn to_mask(self) -> S::mask32s {
         self.0.simd_gt(0.5)
+    }
+}
+
+impl<S: Simd> Pack for Lanes<S> {
+    type Scalar = f32;
+    const LANES: usize = <S::f32s as SimdBase<S>>::LEN;
+
+    #[inline(always)]
+    fn load(token: S, src: &[f32]) -> Self {
+        Self(S::f32s::from_slice(token, &src[..Self::LANES]))
+    }
+
+    #[inline(always)]
+    fn store(self, dst: &mut [f32]) {
+        self.0.store_slice(&mut dst[..Self::LANES]);
+    }
+
+    #[inline(always)]
+    fn scalar(x: f64) -> f32 {
+        x as f32
+    }
+
+    #[inline(always)]
+    fn mask_any(mask: S::mask32s) -> bool {
+        mask.any_true()
     }
 }
 

@@ -1,6 +1,6 @@
 //! The maths kit: one trait, [`Real`], over scalars and SIMD lanes.
 //!
-//! In come numbers as `f64` constants ([`Real::splat`]) or slices ([`Real::load`]); out go slices ([`Real::store`]),
+//! In come numbers as `f64` constants ([`Real::splat`]) or slices ([`Pack::load`]); out go slices ([`Pack::store`]),
 //! and masks for decisions. Code written once over `R: Real` runs as `f64`, the reference, on the standard library,
 //! or as [`Lanes`], one native vector of `f32`, on the functions in [`lanes`].
 //!
@@ -28,4 +28,4 @@ pub mod real;
 pub mod scalar;
 
 pub use lanes::Lanes;
-pub use real::Real;
+pub use real::{Pack, Real};

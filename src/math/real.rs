@@ -11,33 +11,15 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// Comparison results are masks; `select` takes `a` where the mask is true.
 /// NaN in, NaN out, except for `min` and `max`, which may return either operand.
 pub trait Real:
-    Copy
-    + Send
-    + Sync
-    + 'static
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + Div<Output = Self>
-    + Neg<Output = Self>
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// One lane.
-    type Scalar: Copy + Send + Sync + Into<f64> + PartialOrd + 'static;
     /// Proof of the instruction set that the values were made for; `()` for scalars.
-    type Token: Copy + Send + Sync;
+    type Token: Copy;
     /// The result of a comparison.
     type Mask: Copy;
-    /// Lanes in one value.
-    const LANES: usize;
 
     /// All lanes `x`, rounded to the precision of a lane.
     fn splat(token: Self::Token, x: f64) -> Self;
-    /// Reads `LANES` values from the front of `src`. Panics when `src` is shorter.
-    fn load(token: Self::Token, src: &[Self::Scalar]) -> Self;
-    /// Writes `LANES` values to the front of `dst`. Panics when `dst` is shorter.
-    fn store(self, dst: &mut [Self::Scalar]);
-    /// Rounds a number to the precision of a lane.
-    fn scalar(x: f64) -> Self::Scalar;
 
     /// `|self|`.
     fn abs(self) -> Self;
@@ -80,10 +62,25 @@ pub trait Real:
     fn mask_or(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// Neither.
     fn mask_not(a: Self::Mask) -> Self::Mask;
-    /// True when any lane is.
-    fn mask_any(mask: Self::Mask) -> bool;
     /// 1 where the mask is true, else 0.
     fn from_mask(token: Self::Token, mask: Self::Mask) -> Self;
     /// True where `self` is above one half: the inverse of [`Real::from_mask`].
     fn to_mask(self) -> Self::Mask;
+}
+
+/// A [`Real`] whose lanes can be looked at: moved from and to memory, and decided on.
+pub trait Pack: Real {
+    /// One lane.
+    type Scalar: Copy + Send + Sync + Into<f64> + PartialOrd + 'static;
+    /// Lanes in one value.
+    const LANES: usize;
+
+    /// Reads `LANES` values from the front of `src`. Panics when `src` is shorter.
+    fn load(token: Self::Token, src: &[Self::Scalar]) -> Self;
+    /// Writes `LANES` values to the front of `dst`. Panics when `dst` is shorter.
+    fn store(self, dst: &mut [Self::Scalar]);
+    /// Rounds a number to the precision of a lane.
+    fn scalar(x: f64) -> Self::Scalar;
+    /// True when the mask is in any lane.
+    fn mask_any(mask: Self::Mask) -> bool;
 }

@@ -1,33 +1,15 @@
 //! `f64` as a [`Real`]: the scalar reference, from the standard library.
 
-use super::real::Real;
+use super::real::{Pack, Real};
 
 /// True where the target always has a fused multiply-add; without it, `f64::mul_add` is a slow library call.
 const FUSED: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
 
 impl Real for f64 {
-    type Scalar = f64;
     type Token = ();
     type Mask = bool;
-    const LANES: usize = 1;
-
     #[inline(always)]
     fn splat(_token: (), x: f64) -> Self {
-        x
-    }
-
-    #[inline(always)]
-    fn load(_token: (), src: &[f64]) -> Self {
-        src[0]
-    }
-
-    #[inline(always)]
-    fn store(self, dst: &mut [f64]) {
-        dst[0] = self;
-    }
-
-    #[inline(always)]
-    fn scalar(x: f64) -> f64 {
         x
     }
 
@@ -132,11 +114,6 @@ impl Real for f64 {
     }
 
     #[inline(always)]
-    fn mask_any(mask: bool) -> bool {
-        mask
-    }
-
-    #[inline(always)]
     fn from_mask(_token: (), mask: bool) -> Self {
         f64::from(u8::from(mask))
     }
@@ -144,6 +121,31 @@ impl Real for f64 {
     #[inline(always)]
     fn to_mask(self) -> bool {
         self > 0.5
+    }
+}
+
+impl Pack for f64 {
+    type Scalar = f64;
+    const LANES: usize = 1;
+
+    #[inline(always)]
+    fn load(_token: (), src: &[f64]) -> Self {
+        src[0]
+    }
+
+    #[inline(always)]
+    fn store(self, dst: &mut [f64]) {
+        dst[0] = self;
+    }
+
+    #[inline(always)]
+    fn scalar(x: f64) -> f64 {
+        x
+    }
+
+    #[inline(always)]
+    fn mask_any(mask: bool) -> bool {
+        mask
     }
 }
 

@@ -2,9 +2,14 @@
 
 use super::interpret::{Machine, interpret, load_pack, store_pack};
 use super::tapes::{EstimatorTapes, OrbitTapes, TapeSet};
+use crate::expr::Port;
 use crate::expr::ops::Register;
+use crate::kernel::Estimator;
 use crate::kernel::tape::Tape;
-use crate::math::Real;
+use crate::math::{Pack, Real};
+
+/// Columns of a point; the last one is `hit_eps`.
+pub(super) const POINT: usize = 8;
 
 /// Register files of one task.
 pub(super) struct Files<R: Real, const K: usize> {
@@ -12,7 +17,7 @@ pub(super) struct Files<R: Real, const K: usize> {
     pub(super) combine: Vec<Register<R, K>>,
 }
 
-impl<R: Machine, const K: usize> Files<R, K> {
+impl<R: Machine + Pack, const K: usize> Files<R, K> {
     pub(super) fn new(token: R::Token, tapes: &EstimatorTapes) -> Self {
         Files {
             orbits: tapes.orbits.iter().map(|o| o.set.register_file(token)).collect(),
@@ -22,7 +27,7 @@ impl<R: Machine, const K: usize> Files<R, K> {
 }
 
 #[inline(always)]
-pub(super) fn run_map<R: Machine, const K: usize>(
+pub(super) fn run_map<R: Machine + Pack, const K: usize>(
     token: R::Token,
     set: &TapeSet,
     inputs: &[&[R::Scalar]],
@@ -42,22 +47,23 @@ pub(super) fn run_map<R: Machine, const K: usize>(
 }
 
 #[inline(always)]
-pub(super) fn run_estimates<R: Machine, const K: usize>(
+pub(super) fn run_estimates<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &EstimatorTapes,
     inputs: &[&[R::Scalar]],
     outputs: &mut [Vec<R::Scalar>],
 ) {
+    debug_assert_eq!(POINT, Port::scalars(&Estimator::inputs()));
     let mut files = Files::<R, K>::new(token, tapes);
     let zero = R::splat(token, 0.0);
     let mut live = [zero; K];
     for at in (0..inputs[0].len()).step_by(R::LANES * K) {
-        let mut point = [live; 5];
+        let mut point = [live; POINT];
         for (value, column) in point.iter_mut().zip(inputs) {
             *value = load_pack(token, column, at);
         }
         for k in 0..K {
-            live[k] = R::from_mask(token, zero.le(point[4][k]));
+            live[k] = R::from_mask(token, zero.le(point[POINT - 1][k]));
         }
         estimate::<R, K>(token, tapes, &mut files, &point, &live);
         for (column, &register) in outputs.iter_mut().zip(&tapes.combine.tapes[0].outputs) {
@@ -66,21 +72,20 @@ pub(super) fn run_estimates<R: Machine, const K: usize>(
     }
 }
 
-/// Estimates at a pack of points (`p`, `h`, `hit_eps`); the results lie in the output registers of `combine`.
+/// Estimates at a pack of points ([`Estimator::inputs`]); the results lie in the output registers of `combine`.
 /// Lanes where `live` is 0 are not waited for. Returns the iterations of all orbits.
 #[inline(always)]
-pub(super) fn estimate<R: Machine, const K: usize>(
+pub(super) fn estimate<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &EstimatorTapes,
     files: &mut Files<R, K>,
-    point: &[Register<R, K>; 5],
+    point: &[Register<R, K>; POINT],
     live: &Register<R, K>,
 ) -> Register<R, K> {
     let combine = &tapes.combine.tapes[0];
-    let mut next = 0;
-    for register in point {
-        files.combine[combine.inputs[next] as usize] = *register;
-        next += 1;
+    let mut next = POINT;
+    for &i in combine.read.iter().take_while(|&&i| usize::from(i) < POINT) {
+        files.combine[combine.inputs[usize::from(i)] as usize] = point[usize::from(i)];
     }
     let mut total = [R::splat(token, 0.0); K];
     for (orbit, registers) in tapes.orbits.iter().zip(&mut files.orbits) {
@@ -106,16 +111,16 @@ pub(super) fn estimate<R: Machine, const K: usize>(
 /// Iterates an orbit until every live lane has escaped or `max_iterations` are done. Leaves the end state in the state
 /// registers; returns 1 where a lane has not escaped, and the iterations done.
 #[inline(always)]
-pub(super) fn iterate<R: Machine, const K: usize>(
+pub(super) fn iterate<R: Machine + Pack, const K: usize>(
     token: R::Token,
     orbit: &OrbitTapes,
     registers: &mut [Register<R, K>],
-    point: &[Register<R, K>; 5],
+    point: &[Register<R, K>; POINT],
     live: &Register<R, K>,
 ) -> (Register<R, K>, Register<R, K>) {
     let init = &orbit.set.tapes[0];
-    for (value, &register) in point.iter().zip(&init.inputs) {
-        registers[register as usize] = *value;
+    for &i in &init.read {
+        registers[init.inputs[usize::from(i)] as usize] = point[usize::from(i)];
     }
     interpret::<R, K>(token, init, registers);
     for (i, &output) in init.outputs.iter().enumerate() {
@@ -137,7 +142,7 @@ pub(super) fn iterate<R: Machine, const K: usize>(
 /// Takes over the new state where a lane is active, counts its iteration, and ends the lanes that escaped.
 /// Returns whether any lane is still active.
 #[inline(always)]
-pub(super) fn keep_active<R: Machine, const K: usize>(
+pub(super) fn keep_active<R: Machine + Pack, const K: usize>(
     token: R::Token,
     item: &Tape,
     registers: &mut [Register<R, K>],

@@ -4,7 +4,7 @@ use fearless_simd::Simd;
 
 use crate::expr::ops::{Operands, Register, execute};
 use crate::kernel::tape::{Code, Instruction, Products, Tape};
-use crate::math::{Lanes, Real};
+use crate::math::{Lanes, Pack, Real};
 
 /// A number type that tapes can be interpreted over: knows how to enable its instruction set for a call.
 pub trait Machine: Real {
@@ -147,7 +147,7 @@ fn products<R: Machine, const K: usize, const ARITY: usize>(
 
 /// Reads a pack of a column, repeating the last element beyond its end.
 #[inline(always)]
-pub(super) fn load_pack<R: Real, const K: usize>(token: R::Token, column: &[R::Scalar], at: usize) -> Register<R, K> {
+pub(super) fn load_pack<R: Pack, const K: usize>(token: R::Token, column: &[R::Scalar], at: usize) -> Register<R, K> {
     let mut register = [R::splat(token, 0.0); K];
     for (k, value) in register.iter_mut().enumerate() {
         let from = at + k * R::LANES;
@@ -166,7 +166,7 @@ pub(super) fn load_pack<R: Real, const K: usize>(token: R::Token, column: &[R::S
 
 /// Writes a pack into a column, leaving out what lies beyond its end.
 #[inline(always)]
-pub(super) fn store_pack<R: Real, const K: usize>(register: &Register<R, K>, column: &mut [R::Scalar], at: usize) {
+pub(super) fn store_pack<R: Pack, const K: usize>(register: &Register<R, K>, column: &mut [R::Scalar], at: usize) {
     for (k, value) in register.iter().enumerate() {
         let from = at + k * R::LANES;
         if from + R::LANES <= column.len() {

@@ -1,11 +1,12 @@
 //! Marches: packs of rays, one estimate at a time. The twin of `shaders/march.wgsl`.
 
-use super::estimate::{Files, estimate};
+use super::estimate::{Files, POINT, estimate};
 use super::interpret::{Machine, interpret, load_pack, store_pack};
 use super::tapes::MarchTapes;
 use crate::expr::Port;
 use crate::expr::ops::Register;
 use crate::kernel::{Status, march_output_ports, ray_ports};
+use crate::math::Pack;
 
 /// Rays being marched: their columns, compacted as rays finish.
 pub(super) struct Rays<T> {
@@ -14,14 +15,14 @@ pub(super) struct Rays<T> {
 }
 
 /// Columns of [`Rays`]: ray, state, then counters.
-const RAY: usize = 8;
-const STATE: usize = 6;
-const STATUS: usize = RAY + STATE - 1;
-const STEPS: usize = RAY + STATE;
-const COLUMNS: usize = STEPS + 3;
+pub(super) const RAY: usize = 8;
+pub(super) const STATE: usize = 6;
+pub(super) const STATUS: usize = RAY + STATE - 1;
+pub(super) const STEPS: usize = RAY + STATE;
+pub(super) const COLUMNS: usize = STEPS + 3;
 
 #[inline(always)]
-pub(super) fn run_march<R: Machine, const K: usize>(
+pub(super) fn run_march<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &MarchTapes,
     inputs: &[&[R::Scalar]],
@@ -33,7 +34,7 @@ pub(super) fn run_march<R: Machine, const K: usize>(
     debug_assert_eq!(COLUMNS - RAY, Port::scalars(&march_output_ports()));
     let pack = R::LANES * K;
     let len = inputs[0].len();
-    let mut rays = Rays::start(inputs, R::scalar(0.0), R::scalar(-1.0), R::scalar(Status::Miss.code()));
+    let mut rays = Rays::start(inputs, R::scalar);
     rays.retire(outputs, false);
     let mut files = Files::<R, K>::new(token, &tapes.estimator);
     let mut locate = tapes.locate.register_file::<R, K>(token);
@@ -57,7 +58,7 @@ pub(super) fn run_march<R: Machine, const K: usize>(
 
 /// Estimates once for a pack of rays and advances them. Returns how many of its rays are done.
 #[inline(always)]
-pub(super) fn march_pack<R: Machine, const K: usize>(
+pub(super) fn march_pack<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &MarchTapes,
     files: &mut Files<R, K>,
@@ -73,7 +74,7 @@ pub(super) fn march_pack<R: Machine, const K: usize>(
         advance[advance_tape.inputs[i] as usize] = value;
     }
     interpret::<R, K>(token, locate_tape, locate);
-    let mut point = [[R::splat(token, 0.0); K]; 5];
+    let mut point = [[R::splat(token, 0.0); K]; POINT];
     for (value, &output) in point.iter_mut().zip(&locate_tape.outputs) {
         *value = locate[output as usize];
     }
@@ -113,21 +114,27 @@ pub(super) fn march_pack<R: Machine, const K: usize>(
     (at..end).filter(|&i| !rays.is_running(i)).count()
 }
 
+/// The columns of a ray at its near end: -1 marks what no estimate has said yet.
+pub(super) fn start_of<T: Copy + Into<f64>>(inputs: &[&[T]], ray: usize) -> [f64; COLUMNS] {
+    let mut values = [0.0; COLUMNS];
+    values.iter_mut().zip(inputs).for_each(|(value, column)| *value = column[ray].into());
+    let (near, far) = (values[RAY - 2], values[RAY - 1]);
+    values[RAY..RAY + STATE].copy_from_slice(&[near, near, -1.0, -1.0, -1.0, 0.0]);
+    // A ray whose range is empty has missed before it starts.
+    if near.partial_cmp(&far) != Some(std::cmp::Ordering::Less) {
+        values[STATUS] = Status::Miss.code();
+    }
+    values
+}
+
 impl<T: Copy + Into<f64>> Rays<T> {
-    /// All rays at their near end; `unknown` marks what no estimate has said yet.
-    pub(super) fn start(inputs: &[&[T]], zero: T, unknown: T, missed: T) -> Rays<T> {
+    /// All rays at their near end.
+    pub(super) fn start(inputs: &[&[T]], scalar: impl Fn(f64) -> T) -> Rays<T> {
         let len = inputs[0].len();
-        let mut columns: Vec<Vec<T>> = inputs.iter().map(|c| c.to_vec()).collect();
-        columns.push(inputs[6].to_vec()); // t starts at t_near
-        columns.push(inputs[6].to_vec()); // and so does its front
-        columns.extend([unknown, unknown, unknown, zero].map(|value| vec![value; len]));
-        columns.extend([zero; 3].map(|value| vec![value; len]));
-        // A ray whose range is empty has missed before it starts.
+        let mut columns = vec![Vec::new(); COLUMNS];
         for i in 0..len {
-            let (near, far): (f64, f64) = (inputs[6][i].into(), inputs[7][i].into());
-            if near.partial_cmp(&far) != Some(std::cmp::Ordering::Less) {
-                columns[STATUS][i] = missed;
-            }
+            let values = start_of(inputs, i).map(&scalar);
+            columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
         }
         Rays { columns, ids: (0..len as u32).collect() }
     }

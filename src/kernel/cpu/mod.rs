@@ -1,8 +1,11 @@
 //! The embedded CPU back end: tapes interpreted over packs of rays, in f64 (one ray at a time, the reference) or in wide
-//! f32 (as many rays as four of the machine's vectors hold), with the work spread over threads.
+//! f32 (as many rays as four of the machine's vectors hold), with the work spread over threads. Where the processor has
+//! AVX-512, f32 tapes become machine code instead, with the same results ([`Cpu::interpreted`] switches that off).
 //!
 //! The loops here (iterate, march) have twins of the same names in `shaders/`; everything straight-line is a tape.
 
+#[cfg(target_arch = "x86_64")]
+mod compiled;
 mod estimate;
 mod interpret;
 mod march;
@@ -19,7 +22,7 @@ use self::march::run_march;
 use self::tapes::Program;
 use super::{Backend, BackendError, Kernel};
 use crate::expr::{Arena, Port};
-use crate::math::Lanes;
+use crate::math::{Lanes, Pack};
 
 /// Vectors that one register holds.
 const WIDE: usize = 4;
@@ -40,11 +43,14 @@ pub enum Precision {
 pub struct Cpu {
     precision: Precision,
     level: Level,
+    compiles: bool,
 }
 
 /// A kernel as tapes.
 pub struct CpuKernel {
     program: Program,
+    #[cfg(target_arch = "x86_64")]
+    compiled: Option<compiled::Compiled>,
     inputs: usize,
     outputs: usize,
 }
@@ -61,7 +67,22 @@ pub enum CpuColumns {
 impl Cpu {
     /// A back end of this precision, at the best instruction set of the machine.
     pub fn new(precision: Precision) -> Cpu {
-        Cpu { precision, level: Level::new() }
+        let level = Level::new();
+        #[cfg(target_arch = "x86_64")]
+        let compiles = precision == Precision::F32 && matches!(level, Level::Avx512(_));
+        #[cfg(not(target_arch = "x86_64"))]
+        let compiles = false;
+        Cpu { precision, level, compiles }
+    }
+
+    /// True where f32 kernels become machine code: on processors with AVX-512.
+    pub fn compiles(&self) -> bool {
+        self.compiles
+    }
+
+    /// The same back end without machine code of its own making: tapes are interpreted. It gives the same results.
+    pub fn interpreted(self) -> Cpu {
+        Cpu { compiles: false, ..self }
     }
 
     /// The precision.
@@ -74,13 +95,14 @@ impl Cpu {
         match self.precision {
             Precision::F64 => "cpu, f64, 1 ray at a time".into(),
             Precision::F32 => {
-                let lanes = dispatch!(self.level, simd => pack_lanes(simd));
-                {
-                    // The level's debug text is its name and then its token.
-                    let level = format!("{:?}", self.level);
-                    let name = level.split('(').next().unwrap_or_default();
-                    format!("cpu, f32, {lanes} rays at a time ({name})")
+                if self.compiles {
+                    return "cpu, f32, 16 rays at a time (machine code for AVX-512)".into();
                 }
+                let lanes = dispatch!(self.level, simd => pack_lanes(simd));
+                // The level's debug text is its name and then its token.
+                let level = format!("{:?}", self.level);
+                let name = level.split('(').next().unwrap_or_default();
+                format!("cpu, f32, {lanes} rays at a time (interpreted, {name})")
             }
         }
     }
@@ -97,7 +119,15 @@ impl Backend for Cpu {
 
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<CpuKernel, BackendError> {
         let program = Program::new(arena, kernel);
-        Ok(CpuKernel { program, inputs: Port::scalars(&kernel.inputs()), outputs: Port::scalars(&kernel.outputs()) })
+        #[cfg(target_arch = "x86_64")]
+        let compiled = if self.compiles { compiled::compile(&program) } else { None };
+        Ok(CpuKernel {
+            #[cfg(target_arch = "x86_64")]
+            compiled,
+            program,
+            inputs: Port::scalars(&kernel.inputs()),
+            outputs: Port::scalars(&kernel.outputs()),
+        })
     }
 
     fn upload(&self, columns: &[Vec<f64>]) -> Result<CpuColumns, BackendError> {
@@ -124,6 +154,10 @@ impl Backend for Cpu {
                 let columns: Vec<&[f32]> = inputs.iter().flat_map(|c| c.f32s()).collect();
                 let level = self.level;
                 CpuColumns::F32(run_parallel(kernel, &columns, |k, i, o| {
+                    #[cfg(target_arch = "x86_64")]
+                    if let Some(compiled) = &k.compiled {
+                        return compiled.run(i, o);
+                    }
                     dispatch!(level, simd => run_group::<Lanes<_>, WIDE>(simd, k, i, o));
                 }))
             }
@@ -175,7 +209,7 @@ fn run_parallel<T: Copy + Default + Send + Sync>(
 }
 
 #[inline(always)]
-fn run_group<R: Machine, const K: usize>(
+fn run_group<R: Machine + Pack, const K: usize>(
     token: R::Token,
     kernel: &CpuKernel,
     inputs: &[&[R::Scalar]],

@@ -1,0 +1,438 @@
+//! Machine code for AVX-512: instructions over numbered registers and a frame of vectors, and the memory that holds them.
+
+use std::collections::HashMap;
+
+use iced_x86::{BlockEncoder, BlockEncoderOptions, Code, Instruction, InstructionBlock, MemoryOperand, Register};
+use memmap2::{Mmap, MmapMut};
+
+use super::trace::{Binary, Comparison, Unary};
+
+/// Bytes of a vector.
+pub(super) const VECTOR: usize = 64;
+
+/// Points at the frame of vectors.
+const FRAME: Register = Register::RBX;
+/// Points at the constants.
+const CONSTANTS: Register = Register::R12;
+/// The mask of active lanes.
+pub(super) const ACTIVE: u8 = 7;
+
+/// The last source of an instruction.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) enum Source {
+    Register(u8),
+    Slot(u16),
+    /// A number of the pool, in all lanes.
+    Constant(u16),
+}
+
+/// A place in the code to jump to.
+#[derive(Clone, Copy)]
+pub(super) struct Label(u64);
+
+/// Counters in the machine's general registers.
+#[derive(Clone, Copy)]
+pub(super) enum Counter {
+    /// Iterations left.
+    Iterations,
+    /// Place in the schedule.
+    Schedule,
+}
+
+impl Counter {
+    fn register(self) -> Register {
+        match self {
+            Counter::Iterations => Register::R13,
+            Counter::Schedule => Register::R14,
+        }
+    }
+}
+
+/// Which factor of a fused multiply-add the result overwrites.
+#[derive(Clone, Copy)]
+pub(super) enum Fused {
+    /// `dst = dst * last + second`
+    Dst132,
+    /// `dst = second * dst + last`
+    Dst213,
+    /// `dst = second * last + dst`
+    Dst231,
+}
+
+/// Instructions, and the constants that they refer to.
+#[derive(Default)]
+pub(super) struct Assembler {
+    instructions: Vec<Instruction>,
+    labels: u64,
+    /// The label of the next instruction.
+    here: u64,
+    pool: Vec<u32>,
+    pooled: HashMap<u32, u16>,
+}
+
+fn vector(number: u8) -> Register {
+    Register::ZMM0 + u32::from(number)
+}
+
+fn mask(number: u8) -> Register {
+    Register::K0 + u32::from(number)
+}
+
+fn slot(number: u16) -> MemoryOperand {
+    MemoryOperand::with_base_displ(FRAME, i64::from(number) * VECTOR as i64)
+}
+
+fn constant(number: u16, broadcast: bool) -> MemoryOperand {
+    let at = i64::from(number) * 4;
+    MemoryOperand::new(CONSTANTS, Register::None, 1, at, 1, broadcast, Register::None)
+}
+
+/// The instruction set has every form that is asked for here; the forms are fixed by the code above them.
+const VALID: &str = "operands fit the instruction";
+
+impl Assembler {
+    /// The pool's number for these bits of an `f32`.
+    pub(super) fn constant(&mut self, bits: u32) -> u16 {
+        let next = self.pool.len() as u16;
+        *self.pooled.entry(bits).or_insert_with(|| {
+            self.pool.push(bits);
+            next
+        })
+    }
+
+    /// Puts a table of numbers behind each other into the pool and gives the place of the first.
+    pub(super) fn table(&mut self, values: impl Iterator<Item = u32>) -> u16 {
+        let first = self.pool.len() as u16;
+        self.pool.extend(values);
+        first
+    }
+
+    pub(super) fn label(&mut self) -> Label {
+        self.labels += 1;
+        Label(self.labels)
+    }
+
+    /// Puts a label before the next instruction.
+    pub(super) fn place(&mut self, label: Label) {
+        if self.here != 0 {
+            self.push(Instruction::with(Code::Nopd)); // one label an instruction
+        }
+        self.here = label.0;
+    }
+
+    fn push(&mut self, mut instruction: Instruction) {
+        instruction.set_ip(std::mem::take(&mut self.here));
+        self.instructions.push(instruction);
+    }
+
+    fn two(&mut self, code: Code, dst: Register, source: Source) -> Instruction {
+        match source {
+            Source::Register(r) => Instruction::with2(code, dst, vector(r)),
+            Source::Slot(s) => Instruction::with2(code, dst, slot(s)),
+            Source::Constant(c) => Instruction::with2(code, dst, constant(c, true)),
+        }
+        .expect(VALID)
+    }
+
+    fn three(&mut self, code: Code, dst: u8, a: u8, b: Source) -> Instruction {
+        let (dst, a) = (vector(dst), vector(a));
+        match b {
+            Source::Register(r) => Instruction::with3(code, dst, a, vector(r)),
+            Source::Slot(s) => Instruction::with3(code, dst, a, slot(s)),
+            Source::Constant(c) => Instruction::with3(code, dst, a, constant(c, true)),
+        }
+        .expect(VALID)
+    }
+
+    /// Copies, loads or broadcasts into a register.
+    pub(super) fn load(&mut self, dst: u8, source: Source) {
+        let instruction = match source {
+            Source::Constant(c) => {
+                Instruction::with2(Code::EVEX_Vbroadcastss_zmm_k1z_xmmm32, vector(dst), constant(c, false))
+                    .expect(VALID)
+            }
+            _ => self.two(Code::EVEX_Vmovaps_zmm_k1z_zmmm512, vector(dst), source),
+        };
+        self.push(instruction);
+    }
+
+    /// Copies into a register where lanes are active.
+    pub(super) fn merge(&mut self, dst: u8, source: u8) {
+        let code = Code::EVEX_Vmovaps_zmm_k1z_zmmm512;
+        let mut instruction = self.two(code, vector(dst), Source::Register(source));
+        instruction.set_op_mask(mask(ACTIVE));
+        self.push(instruction);
+    }
+
+    /// Stores a register; only active lanes if `merge`.
+    pub(super) fn store(&mut self, to: u16, source: u8, merge: bool) {
+        let code = Code::EVEX_Vmovaps_zmmm512_k1z_zmm;
+        let mut instruction = Instruction::with2(code, slot(to), vector(source)).expect(VALID);
+        if merge {
+            instruction.set_op_mask(mask(ACTIVE));
+        }
+        self.push(instruction);
+    }
+
+    pub(super) fn unary(&mut self, operation: Unary, dst: u8, a: Source) {
+        let instruction = match operation {
+            Unary::Sqrt => self.two(Code::EVEX_Vsqrtps_zmm_k1z_zmmm512b32_er, vector(dst), a),
+            Unary::Floor => {
+                let code = Code::EVEX_Vrndscaleps_zmm_k1z_zmmm512b32_imm8_sae;
+                const DOWN_WITHOUT_EXCEPTIONS: u32 = 9;
+                match a {
+                    Source::Register(r) => Instruction::with3(code, vector(dst), vector(r), DOWN_WITHOUT_EXCEPTIONS),
+                    Source::Slot(s) => Instruction::with3(code, vector(dst), slot(s), DOWN_WITHOUT_EXCEPTIONS),
+                    Source::Constant(c) => {
+                        Instruction::with3(code, vector(dst), constant(c, true), DOWN_WITHOUT_EXCEPTIONS)
+                    }
+                }
+                .expect(VALID)
+            }
+            Unary::Neg | Unary::Abs => unreachable!("sign changes are bitwise, with a constant"),
+        };
+        self.push(instruction);
+    }
+
+    /// Flips (`neg`) or clears (`abs`) the sign bit.
+    pub(super) fn sign(&mut self, operation: Unary, dst: u8, a: u8) {
+        let (code, bits) = match operation {
+            Unary::Abs => (Code::EVEX_Vandps_zmm_k1z_zmm_zmmm512b32, 0x7fff_ffff),
+            _ => (Code::EVEX_Vxorps_zmm_k1z_zmm_zmmm512b32, 0x8000_0000),
+        };
+        let bits = Source::Constant(self.constant(bits));
+        let instruction = self.three(code, dst, a, bits);
+        self.push(instruction);
+    }
+
+    pub(super) fn binary(&mut self, operation: Binary, dst: u8, a: u8, b: Source) {
+        let code = match operation {
+            Binary::Add => Code::EVEX_Vaddps_zmm_k1z_zmm_zmmm512b32_er,
+            Binary::Sub => Code::EVEX_Vsubps_zmm_k1z_zmm_zmmm512b32_er,
+            Binary::Mul => Code::EVEX_Vmulps_zmm_k1z_zmm_zmmm512b32_er,
+            Binary::Div => Code::EVEX_Vdivps_zmm_k1z_zmm_zmmm512b32_er,
+            Binary::Min => Code::EVEX_Vminps_zmm_k1z_zmm_zmmm512b32_sae,
+            Binary::Max => Code::EVEX_Vmaxps_zmm_k1z_zmm_zmmm512b32_sae,
+        };
+        let instruction = self.three(code, dst, a, b);
+        self.push(instruction);
+    }
+
+    pub(super) fn mul_add(&mut self, form: Fused, signs: (bool, bool), dst: u8, second: u8, last: Source) {
+        use Code::*;
+        let codes = match signs {
+            (false, false) => [
+                EVEX_Vfmadd132ps_zmm_k1z_zmm_zmmm512b32_er,
+                EVEX_Vfmadd213ps_zmm_k1z_zmm_zmmm512b32_er,
+                EVEX_Vfmadd231ps_zmm_k1z_zmm_zmmm512b32_er,
+            ],
+            (false, true) => [
+                EVEX_Vfmsub132ps_zmm_k1z_zmm_zmmm512b32_er,
+                EVEX_Vfmsub213ps_zmm_k1z_zmm_zmmm512b32_er,
+                EVEX_Vfmsub231ps_zmm_k1z_zmm_zmmm512b32_er,
+            ],
+            (true, false) => [
+                EVEX_Vfnmadd132ps_zmm_k1z_zmm_zmmm512b32_er,
+                EVEX_Vfnmadd213ps_zmm_k1z_zmm_zmmm512b32_er,
+                EVEX_Vfnmadd231ps_zmm_k1z_zmm_zmmm512b32_er,
+            ],
+            (true, true) => [
+                EVEX_Vfnmsub132ps_zmm_k1z_zmm_zmmm512b32_er,
+                EVEX_Vfnmsub213ps_zmm_k1z_zmm_zmmm512b32_er,
+                EVEX_Vfnmsub231ps_zmm_k1z_zmm_zmmm512b32_er,
+            ],
+        };
+        let code = match form {
+            Fused::Dst132 => codes[0],
+            Fused::Dst213 => codes[1],
+            Fused::Dst231 => codes[2],
+        };
+        let instruction = self.three(code, dst, second, last);
+        self.push(instruction);
+    }
+
+    pub(super) fn compare(&mut self, comparison: Comparison, dst: u8, a: u8, b: Source) {
+        // Ordered comparisons: false where an argument is not a number.
+        let predicate: u32 = match comparison {
+            Comparison::Less => 17,
+            Comparison::LessOrEqual => 18,
+            Comparison::Equal => 0,
+            Comparison::IsTrue => 30,
+        };
+        let code = Code::EVEX_Vcmpps_kr_k1_zmm_zmmm512b32_imm8_sae;
+        let (dst, a) = (mask(dst), vector(a));
+        let instruction = match b {
+            Source::Register(r) => Instruction::with4(code, dst, a, vector(r), predicate),
+            Source::Slot(s) => Instruction::with4(code, dst, a, slot(s), predicate),
+            Source::Constant(c) => Instruction::with4(code, dst, a, constant(c, true), predicate),
+        };
+        self.push(instruction.expect(VALID));
+    }
+
+    pub(super) fn select(&mut self, dst: u8, condition: u8, otherwise: u8, then: Source) {
+        let mut instruction = self.three(Code::EVEX_Vblendmps_zmm_k1z_zmm_zmmm512b32, dst, otherwise, then);
+        instruction.set_op_mask(mask(condition));
+        self.push(instruction);
+    }
+
+    /// 1 where the mask is set, else 0.
+    pub(super) fn number_from_mask(&mut self, dst: u8, condition: u8) {
+        let one = self.constant(1f32.to_bits());
+        let code = Code::EVEX_Vbroadcastss_zmm_k1z_xmmm32;
+        let mut instruction = Instruction::with2(code, vector(dst), constant(one, false)).expect(VALID);
+        instruction.set_op_mask(mask(condition));
+        instruction.set_zeroing_masking(true);
+        self.push(instruction);
+    }
+
+    pub(super) fn mask_and(&mut self, dst: u8, a: u8, b: u8) {
+        self.masks(Code::VEX_Kandw_kr_kr_kr, dst, a, b);
+    }
+
+    pub(super) fn mask_or(&mut self, dst: u8, a: u8, b: u8) {
+        self.masks(Code::VEX_Korw_kr_kr_kr, dst, a, b);
+    }
+
+    /// `b` where `a` is not set.
+    pub(super) fn mask_and_not(&mut self, dst: u8, a: u8, b: u8) {
+        self.masks(Code::VEX_Kandnw_kr_kr_kr, dst, a, b);
+    }
+
+    fn masks(&mut self, code: Code, dst: u8, a: u8, b: u8) {
+        self.push(Instruction::with3(code, mask(dst), mask(a), mask(b)).expect(VALID));
+    }
+
+    pub(super) fn mask_not(&mut self, dst: u8, a: u8) {
+        self.push(Instruction::with2(Code::VEX_Knotw_kr_kr, mask(dst), mask(a)).expect(VALID));
+    }
+
+    pub(super) fn mask_copy(&mut self, dst: u8, a: u8) {
+        self.push(Instruction::with2(Code::VEX_Kmovw_kr_km16, mask(dst), mask(a)).expect(VALID));
+    }
+
+    pub(super) fn mask_load(&mut self, dst: u8, from: u16) {
+        self.push(Instruction::with2(Code::VEX_Kmovw_kr_km16, mask(dst), slot(from)).expect(VALID));
+    }
+
+    pub(super) fn mask_store(&mut self, to: u16, a: u8) {
+        self.push(Instruction::with2(Code::VEX_Kmovw_m16_kr, slot(to), mask(a)).expect(VALID));
+    }
+
+    /// Calls a function with the address of a slot.
+    pub(super) fn call(&mut self, function: Function, argument: u16) {
+        self.push(Instruction::with2(Code::Lea_r64_m, Register::RDI, slot(argument)).expect(VALID));
+        self.push(Instruction::with2(Code::Mov_r64_imm64, Register::RAX, function as usize as u64).expect(VALID));
+        self.push(Instruction::with1(Code::Call_rm64, Register::RAX).expect(VALID));
+    }
+
+    fn branch(&mut self, code: Code, to: Label) {
+        self.push(Instruction::with_branch(code, to.0).expect(VALID));
+    }
+
+    pub(super) fn jump(&mut self, to: Label) {
+        self.branch(Code::Jmp_rel32_64, to);
+    }
+
+    /// Jumps when no lane is active.
+    pub(super) fn jump_if_none_active(&mut self, to: Label) {
+        let active = mask(ACTIVE);
+        self.push(Instruction::with2(Code::VEX_Kortestw_kr_kr, active, active).expect(VALID));
+        self.branch(Code::Je_rel32_64, to);
+    }
+
+    /// Jumps when at least as many lanes are active as the caller asked for.
+    pub(super) fn jump_if_enough_active(&mut self, to: Label) {
+        let (eax, wanted) = (Register::EAX, Register::R15D);
+        self.push(Instruction::with2(Code::VEX_Kmovw_r32_kr, eax, mask(ACTIVE)).expect(VALID));
+        self.push(Instruction::with2(Code::Popcnt_r32_rm32, eax, eax).expect(VALID));
+        self.push(Instruction::with2(Code::Cmp_r32_rm32, eax, wanted).expect(VALID));
+        self.branch(Code::Jae_rel32_64, to);
+    }
+
+    pub(super) fn set_counter(&mut self, counter: Counter, value: u32) {
+        let code = Code::Mov_r64_imm64;
+        self.push(Instruction::with2(code, counter.register(), u64::from(value)).expect(VALID));
+    }
+
+    /// Counts down and jumps while something is left.
+    pub(super) fn count_down(&mut self, counter: Counter, to: Label) {
+        self.push(Instruction::with1(Code::Dec_rm64, counter.register()).expect(VALID));
+        self.branch(Code::Jne_rel32_64, to);
+    }
+
+    /// Jumps to the label that the schedule's table names, and moves the schedule on: from `end` back to `again`.
+    pub(super) fn dispatch(&mut self, table: u16, again: u32, end: u32, labels: &[Label]) {
+        let (eax, at) = (Register::EAX, Counter::Schedule.register());
+        let entry = MemoryOperand::new(CONSTANTS, at, 4, i64::from(table) * 4, 1, false, Register::None);
+        self.push(Instruction::with2(Code::Mov_r32_rm32, eax, entry).expect(VALID));
+        self.push(Instruction::with1(Code::Inc_rm64, at).expect(VALID));
+        self.push(Instruction::with2(Code::Cmp_rm64_imm32, at, end as i32).expect(VALID));
+        let on = self.label();
+        self.branch(Code::Jne_rel32_64, on);
+        self.set_counter(Counter::Schedule, again);
+        self.place(on);
+        for (number, label) in labels.iter().enumerate().skip(1) {
+            self.push(Instruction::with2(Code::Cmp_rm32_imm32, eax, number as i32).expect(VALID));
+            self.branch(Code::Je_rel32_64, *label);
+        }
+        self.jump(labels[0]);
+    }
+
+    /// Saves the caller's registers and takes over the arguments: frame, constants, lanes wanted.
+    pub(super) fn enter(&mut self) {
+        for register in SAVED {
+            self.push(Instruction::with1(Code::Push_r64, register).expect(VALID));
+        }
+        for (to, from) in [(FRAME, Register::RDI), (CONSTANTS, Register::RSI), (Register::R15, Register::RDX)] {
+            self.push(Instruction::with2(Code::Mov_r64_rm64, to, from).expect(VALID));
+        }
+    }
+
+    pub(super) fn leave(&mut self) {
+        self.push(Instruction::with(Code::VEX_Vzeroupper));
+        for register in SAVED.into_iter().rev() {
+            self.push(Instruction::with1(Code::Pop_r64, register).expect(VALID));
+        }
+        self.push(Instruction::with(Code::Retnq));
+    }
+
+    /// The code in memory, executable; `None` where the system does not allow that.
+    pub(super) fn finish(self) -> Option<MachineCode> {
+        // Branches are relative, so the code may lie anywhere.
+        let block = InstructionBlock::new(&self.instructions, 0x1000);
+        let bytes = BlockEncoder::encode(64, block, BlockEncoderOptions::NONE).ok()?.code_buffer;
+        let mut memory = MmapMut::map_anon(bytes.len()).ok()?;
+        memory.copy_from_slice(&bytes);
+        Some(MachineCode { memory: memory.make_exec().ok()?, constants: self.pool })
+    }
+}
+
+/// Registers that belong to the caller; five of them leave the stack aligned for calls.
+const SAVED: [Register; 5] = [Register::RBX, Register::R12, Register::R13, Register::R14, Register::R15];
+
+/// A function of the maths kit over the vectors at an address: two arguments, then two results.
+pub(super) type Function = unsafe extern "sysv64" fn(*mut f32);
+
+/// Executable code and its constants.
+pub(super) struct MachineCode {
+    memory: Mmap,
+    constants: Vec<u32>,
+}
+
+impl MachineCode {
+    /// Runs the code on a frame; marches go on while at least `wanted` lanes run.
+    ///
+    /// # Safety
+    ///
+    /// The processor must have AVX-512 as `fearless_simd` defines it, and the frame must have as many vectors as the code
+    /// was written for.
+    pub(super) unsafe fn run(&self, frame: &mut [super::Vector], wanted: u32) {
+        type Entry = unsafe extern "sysv64" fn(*mut super::Vector, *const u32, u64);
+        // SAFETY: the memory holds a function of this type, which `Assembler` wrote: it saves the caller's registers,
+        // reads and writes the frame and reads the constants only.
+        unsafe {
+            let entry = std::mem::transmute::<*const u8, Entry>(self.memory.as_ptr());
+            entry(frame.as_mut_ptr(), self.constants.as_ptr(), u64::from(wanted));
+        }
+    }
+}

@@ -1,0 +1,346 @@
+//! Recording: the interpreter run on values that are names, so that tapes become lists of machine-level operations.
+//!
+//! Nothing here knows an operator of the formula language: a tape is interpreted over [`Traced`], and what its operators
+//! do with numbers is what gets recorded. So compiled code does what the interpreter does, operation by operation.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use crate::kernel::cpu::interpret::Machine;
+use crate::math::Real;
+
+/// Number of a recorded value: its operation's place in the list.
+pub(super) type Value = u32;
+
+/// Where a value is when a segment starts.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub(super) enum Place {
+    /// A vector in the frame, by number.
+    Slot(u16),
+    /// A machine register that is set aside, by number.
+    Register(u8),
+    /// The mask of active lanes.
+    Active,
+}
+
+/// One machine-level operation on all lanes.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub(super) enum Operation {
+    /// The bits of an `f32`, in all lanes.
+    Constant(u32),
+    Read(Place),
+    Unary(Unary, Value),
+    Binary(Binary, Value, Value),
+    /// `±(a b) ± c`, rounded once.
+    MulAdd {
+        a: Value,
+        b: Value,
+        c: Value,
+        minus_product: bool,
+        minus_c: bool,
+    },
+    Compare(Comparison, Value, Value),
+    /// The second value where the mask is set, else the third.
+    Select(Value, Value, Value),
+    /// 1 where the mask is set, else 0.
+    FromMask(Value),
+    MaskAnd(Value, Value),
+    MaskOr(Value, Value),
+    MaskNot(Value),
+    /// The first result of a function of the maths kit; the arguments beyond its own are repeated.
+    Call(Kit, Value, Value),
+    /// The second result of a call.
+    Second(Value),
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub(super) enum Unary {
+    Neg,
+    Abs,
+    Sqrt,
+    Floor,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub(super) enum Binary {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Min,
+    Max,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub(super) enum Comparison {
+    Less,
+    LessOrEqual,
+    Equal,
+    /// Of a boolean held as a number: true above one half.
+    IsTrue,
+}
+
+/// Functions that are called rather than written out.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub(super) enum Kit {
+    SinCos,
+    Atan2,
+    Acos,
+    Asin,
+    Exp,
+    Ln,
+    Pow,
+}
+
+impl Operation {
+    /// The values that it reads.
+    pub(super) fn sources(self) -> impl Iterator<Item = Value> {
+        use Operation::*;
+        let list = match self {
+            Constant(_) | Read(_) => [None; 3],
+            Unary(_, a) | FromMask(a) | MaskNot(a) | Second(a) => [Some(a), None, None],
+            Binary(_, a, b) | Compare(_, a, b) | MaskAnd(a, b) | MaskOr(a, b) | Call(_, a, b) => {
+                [Some(a), Some(b), None]
+            }
+            MulAdd { a, b, c, .. } | Select(a, b, c) => [Some(a), Some(b), Some(c)],
+        };
+        list.into_iter().flatten()
+    }
+
+    /// True when the result is a mask.
+    pub(super) fn is_mask(self) -> bool {
+        use Operation::*;
+        matches!(self, Compare(..) | MaskAnd(..) | MaskOr(..) | MaskNot(_) | Read(Place::Active))
+    }
+}
+
+/// What has been recorded; equal operations on equal values are one.
+#[derive(Default)]
+pub(super) struct Recorder {
+    operations: RefCell<Vec<Operation>>,
+    known: RefCell<HashMap<Operation, Value>>,
+}
+
+impl Recorder {
+    /// The value of an operation.
+    pub(super) fn value(&self, operation: Operation) -> Value {
+        *self.known.borrow_mut().entry(operation).or_insert_with(|| {
+            let mut operations = self.operations.borrow_mut();
+            operations.push(operation);
+            operations.len() as Value - 1
+        })
+    }
+
+    /// A number that is somewhere when the segment starts.
+    pub(super) fn read(&self, place: Place) -> Traced<'_> {
+        self.number(Operation::Read(place))
+    }
+
+    /// The lanes that are active when the segment starts, as a mask.
+    pub(super) fn active(&self) -> TracedMask<'_> {
+        TracedMask { value: self.value(Operation::Read(Place::Active)), recorder: self }
+    }
+
+    fn number(&self, operation: Operation) -> Traced<'_> {
+        Traced { value: self.value(operation), recorder: self }
+    }
+
+    fn operation(&self, value: Value) -> Operation {
+        self.operations.borrow()[value as usize]
+    }
+
+    /// The operations in order.
+    pub(super) fn finish(self) -> Vec<Operation> {
+        self.operations.into_inner()
+    }
+}
+
+/// A number whose arithmetic is recorded.
+#[derive(Clone, Copy)]
+pub(super) struct Traced<'a> {
+    pub(super) value: Value,
+    recorder: &'a Recorder,
+}
+
+/// The result of a comparison of [`Traced`] numbers.
+#[derive(Clone, Copy)]
+pub(super) struct TracedMask<'a> {
+    pub(super) value: Value,
+    recorder: &'a Recorder,
+}
+
+impl<'a> Traced<'a> {
+    fn unary(self, operation: Unary) -> Self {
+        self.recorder.number(Operation::Unary(operation, self.value))
+    }
+
+    fn binary(self, operation: Binary, other: Self) -> Self {
+        self.recorder.number(Operation::Binary(operation, self.value, other.value))
+    }
+
+    fn compare(self, comparison: Comparison, other: Self) -> TracedMask<'a> {
+        let value = self.recorder.value(Operation::Compare(comparison, self.value, other.value));
+        TracedMask { value, recorder: self.recorder }
+    }
+
+    fn call(self, kit: Kit, other: Self) -> Self {
+        self.recorder.number(Operation::Call(kit, self.value, other.value))
+    }
+
+    /// The value without its sign change, and whether it had one.
+    fn without_sign(self) -> (Value, bool) {
+        match self.recorder.operation(self.value) {
+            Operation::Unary(Unary::Neg, of) => (of, true),
+            _ => (self.value, false),
+        }
+    }
+}
+
+impl Add for Traced<'_> {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        self.binary(Binary::Add, other)
+    }
+}
+
+impl Sub for Traced<'_> {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self.binary(Binary::Sub, other)
+    }
+}
+
+impl Mul for Traced<'_> {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        self.binary(Binary::Mul, other)
+    }
+}
+
+impl Div for Traced<'_> {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        self.binary(Binary::Div, other)
+    }
+}
+
+impl Neg for Traced<'_> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.unary(Unary::Neg)
+    }
+}
+
+impl<'a> Real for Traced<'a> {
+    type Token = &'a Recorder;
+    type Mask = TracedMask<'a>;
+
+    fn splat(recorder: &'a Recorder, x: f64) -> Self {
+        recorder.number(Operation::Constant((x as f32).to_bits()))
+    }
+
+    fn abs(self) -> Self {
+        self.unary(Unary::Abs)
+    }
+
+    fn sqrt(self) -> Self {
+        self.unary(Unary::Sqrt)
+    }
+
+    fn floor(self) -> Self {
+        self.unary(Unary::Floor)
+    }
+
+    fn min(self, other: Self) -> Self {
+        self.binary(Binary::Min, other)
+    }
+
+    fn max(self, other: Self) -> Self {
+        self.binary(Binary::Max, other)
+    }
+
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        // The machine's fused forms change signs for nothing.
+        let ((x, minus_x), (c, minus_c)) = (self.without_sign(), b.without_sign());
+        let operation = Operation::MulAdd { a: x, b: a.value, c, minus_product: minus_x, minus_c };
+        self.recorder.number(operation)
+    }
+
+    fn sin_cos(self) -> (Self, Self) {
+        let sin = self.call(Kit::SinCos, self);
+        (sin, self.recorder.number(Operation::Second(sin.value)))
+    }
+
+    fn atan2(self, x: Self) -> Self {
+        self.call(Kit::Atan2, x)
+    }
+
+    fn acos(self) -> Self {
+        self.call(Kit::Acos, self)
+    }
+
+    fn asin(self) -> Self {
+        self.call(Kit::Asin, self)
+    }
+
+    fn exp(self) -> Self {
+        self.call(Kit::Exp, self)
+    }
+
+    fn ln(self) -> Self {
+        self.call(Kit::Ln, self)
+    }
+
+    fn pow(self, y: Self) -> Self {
+        self.call(Kit::Pow, y)
+    }
+
+    fn lt(self, other: Self) -> TracedMask<'a> {
+        self.compare(Comparison::Less, other)
+    }
+
+    fn le(self, other: Self) -> TracedMask<'a> {
+        self.compare(Comparison::LessOrEqual, other)
+    }
+
+    fn eq(self, other: Self) -> TracedMask<'a> {
+        self.compare(Comparison::Equal, other)
+    }
+
+    fn select(mask: TracedMask<'a>, a: Self, b: Self) -> Self {
+        a.recorder.number(Operation::Select(mask.value, a.value, b.value))
+    }
+
+    fn mask_and(a: TracedMask<'a>, b: TracedMask<'a>) -> TracedMask<'a> {
+        TracedMask { value: a.recorder.value(Operation::MaskAnd(a.value, b.value)), ..a }
+    }
+
+    fn mask_or(a: TracedMask<'a>, b: TracedMask<'a>) -> TracedMask<'a> {
+        TracedMask { value: a.recorder.value(Operation::MaskOr(a.value, b.value)), ..a }
+    }
+
+    fn mask_not(a: TracedMask<'a>) -> TracedMask<'a> {
+        TracedMask { value: a.recorder.value(Operation::MaskNot(a.value)), ..a }
+    }
+
+    fn from_mask(recorder: &'a Recorder, mask: TracedMask<'a>) -> Self {
+        recorder.number(Operation::FromMask(mask.value))
+    }
+
+    fn to_mask(self) -> TracedMask<'a> {
+        match self.recorder.operation(self.value) {
+            Operation::FromMask(value) => TracedMask { value, recorder: self.recorder },
+            _ => {
+                let half = Self::splat(self.recorder, 0.5);
+                self.compare(Comparison::IsTrue, half)
+            }
+        }
+    }
+}
+
+impl Machine for Traced<'_> {
+    fn enter<T>(_: Self::Token, f: impl FnOnce() -> T) -> T {
+        f()
+    }
+}

@@ -1,0 +1,72 @@
+//! Machine code against the interpreter: the same results to the last bit, for every kernel of every picture.
+
+use std::rc::Rc;
+
+use bulbfold::compose::Composer;
+use bulbfold::diag::Diagnostics;
+use bulbfold::expr::Arena;
+use bulbfold::formula::library::Library;
+use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::{Backend, Kernel};
+use bulbfold::load::load;
+use bulbfold::render::{Pipeline, RenderSettings, compose_pipeline};
+use bulbfold::shade::Size;
+
+/// Composes the pipeline of a fractal by name.
+fn with_pipeline(name: &str, size: Size, check: impl Fn(&Arena, &Pipeline)) {
+    let mut library = Library::builtin();
+    let mut diagnostics = Diagnostics::default();
+    let loaded = load(&mut library, name, &[], &mut diagnostics).expect("built-in fractals load");
+    let arena = Rc::new(Arena::default());
+    let composer = Composer { arena: &arena, library: &library, graph: &loaded.graph };
+    let settings = RenderSettings { size, ..RenderSettings::default() };
+    let pipeline = compose_pipeline(&composer, &settings).expect("built-in fractals compose");
+    check(&arena, &pipeline);
+}
+
+/// Runs a kernel both ways, compares the columns bit by bit, and gives them.
+fn run_both(arena: &Arena, label: &str, kernel: &Kernel, inputs: &[&Vec<Vec<f64>>]) -> Vec<Vec<f64>> {
+    let (compiled, interpreted) = (Cpu::new(Precision::F32), Cpu::new(Precision::F32).interpreted());
+    let run = |cpu: &Cpu| {
+        let columns: Vec<_> = inputs.iter().map(|c| cpu.upload(c).expect("columns fit")).collect();
+        let kernel = cpu.prepare(arena, kernel).expect("the CPU takes every kernel");
+        let result = cpu.run(&kernel, &columns.iter().collect::<Vec<_>>()).expect("the CPU runs every kernel");
+        cpu.download(&result).expect("the CPU holds every column")
+    };
+    let (a, b) = (run(&compiled), run(&interpreted));
+    let names: Vec<String> = kernel.outputs().into_iter().map(|p| p.name).collect();
+    for (i, (a, b)) in a.iter().zip(&b).enumerate() {
+        for (k, (x, y)) in a.iter().zip(b).enumerate() {
+            let same = (*x as f32).to_bits() == (*y as f32).to_bits() || x.is_nan() && y.is_nan();
+            assert!(same, "{label}: column {i} of {names:?}, element {k}: compiled {x}, interpreted {y}");
+        }
+    }
+    a
+}
+
+#[test]
+fn machine_code_gives_the_interpreters_results() {
+    if !Cpu::new(Precision::F32).compiles() {
+        eprintln!("skipped: this processor has no AVX-512, so kernels are interpreted");
+        return;
+    }
+    let size = Size { width: 72, height: 54 };
+    for (name, _) in bulbfold::formula::embedded::FRACTALS {
+        with_pipeline(name, size, |arena, pipeline| {
+            let pixels: Vec<(u32, u32)> = bulbfold::film::tiles(size).iter().flat_map(|tile| tile.pixels()).collect();
+            let x = pixels.iter().map(|p| f64::from(p.0) + 0.5).collect();
+            let y = pixels.iter().map(|p| f64::from(p.1) + 0.5).collect();
+            let run = |part: &str, kernel: &Kernel, inputs: &[&Vec<Vec<f64>>]| {
+                run_both(arena, &format!("{name}, {part}"), kernel, inputs)
+            };
+            let rays = run("camera", &pipeline.camera_kernel, &[&vec![x, y]]);
+            let hits = run("march", &pipeline.march, &[&rays]);
+            let points = run("surface point", &pipeline.surface_point, &[&rays, &hits]);
+            let surface = run("surface", &pipeline.surface, &[&points]);
+            let Some(shadow_ray) = &pipeline.shadow_ray else { return };
+            let shadow_rays = run("shadow ray", shadow_ray, &[&rays, &hits, &surface]);
+            let shadows = run("shadow", &pipeline.march, &[&shadow_rays]);
+            run("colour", &pipeline.colour, &[&rays, &hits, &surface, &shadows]);
+        });
+    }
+}
