@@ -93,6 +93,7 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
         hit_eps: 0.0,
         max_march_steps: settings.max_march_steps,
         min_difference: settings.min_difference,
+        difference_step: plan.difference_step,
     };
     let choices: &[Choice] = &plan.choices;
     let estimator = compose_estimator(composer, choices, Purpose::March)?;

@@ -8,6 +8,7 @@
 pub mod choose;
 mod estimate;
 mod field;
+pub mod norm;
 mod orbit;
 pub mod placement;
 

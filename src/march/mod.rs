@@ -7,6 +7,7 @@
 //! inside stops the ray; from there it bisects back to the boundary.
 
 use crate::expr::{Arena, Expr, Function, Port, Type};
+use crate::graph::DifferenceStep;
 use crate::kernel::{Estimator, March, Status, march_state_ports, ray_ports};
 
 /// How far rays go and when they stop.
@@ -23,6 +24,8 @@ pub struct MarchSettings {
     /// Least step of finite differences, as a share of the larger of 1 and the point's coordinates: below it the
     /// precision has no digits left.
     pub min_difference: f64,
+    /// Step of finite differences, where that is above the least one.
+    pub difference_step: DifferenceStep,
 }
 
 /// [`MarchSettings::min_difference`] for single precision.
@@ -38,6 +41,7 @@ impl Default for MarchSettings {
             hit_eps: 0.0,
             max_march_steps: 1000,
             min_difference: MIN_DIFFERENCE_F32,
+            difference_step: DifferenceStep::default(),
         }
     }
 }
@@ -109,8 +113,11 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
         let sizes = p.abs().components();
         sizes[0].max(sizes[1]).max(sizes[2]).max(arena.f(1.0))
     };
-    // A hundredth of the last estimate; before the first one, of the threshold's order.
-    let wanted = ray.last_de * 0.01;
+    // A share of the last estimate is below 0, and the least step taken, before there is one.
+    let wanted = match settings.difference_step {
+        DifferenceStep::Share(share) => ray.last_de * share,
+        DifferenceStep::Fixed(step) => arena.f(step),
+    };
     function.output("p", p);
     function.output("d", ray.direction);
     function.output("h", wanted.max(largest * settings.min_difference));
