@@ -40,10 +40,10 @@ impl Family {
     const ALL: [Family; 4] = [Family::Rules, Family::Exact, Family::Differences, Family::Proof];
 
     fn of(method: Option<Method>) -> Family {
-        match method.map(Method::name) {
-            None | Some("own" | "scalar") => Family::Rules,
-            Some(name) if name.starts_with("delta") => Family::Differences,
-            Some(name) if name.starts_with("certified") => Family::Proof,
+        match method {
+            None | Some(Method::Own | Method::Scalar) => Family::Rules,
+            Some(Method::Delta | Method::DeltaRay) => Family::Differences,
+            Some(method) if method.name().starts_with("certified") => Family::Proof,
             Some(_) => Family::Exact,
         }
     }

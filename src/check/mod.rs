@@ -2,7 +2,7 @@
 //!
 //! In come formula and step files ([`run_paths`]) or one formula ([`Formula`]); out come a [`Report`] or plain numbers.
 //! Every test of a file runs on every back end that the machine has: the f64 interpreter is the reference, wide f32 and
-//! the GPU are compared with what the file says, too. [`truth`] marches without any estimate and judges those that do.
+//! the GPU are compared with what the file says, too. [`truth`] marches without any estimate and judges those that do; [`health`] looks for what is wrong in a formula.
 //!
 //! ```
 //! use bulbfold::check::Formula;
@@ -17,7 +17,9 @@
 
 pub mod backends;
 mod cases;
+pub mod exact;
 mod formula;
+pub mod health;
 pub mod measure;
 mod random;
 mod report;

@@ -26,7 +26,7 @@ const DERIVATIVE_TOLERANCE: f64 = 1e-5;
 const BOUND_TOLERANCE: f64 = 1e-6;
 
 /// Parameters that differ from the defaults.
-type Params = Vec<(String, ParamValue)>;
+pub(super) type Params = Vec<(String, ParamValue)>;
 
 /// A step and where it is traced.
 pub(super) struct StepCase<'a> {
@@ -36,7 +36,7 @@ pub(super) struct StepCase<'a> {
 }
 
 /// State widths that a step is checked with.
-fn widths(step: &Step) -> &'static [u8] {
+pub(super) fn widths(step: &Step) -> &'static [u8] {
     match step.state {
         StateWidth::Three => &[3],
         StateWidth::Four => &[4],
@@ -59,7 +59,7 @@ impl StepCase<'_> {
         map
     }
 
-    fn trace<'g>(
+    pub(super) fn trace<'g>(
         &self,
         arena: &'g Rc<Arena>,
         width: u8,
@@ -130,7 +130,7 @@ impl StepCase<'_> {
         Ok(())
     }
 
-    fn jacobian_function(
+    pub(super) fn jacobian_function(
         &self,
         arena: &Rc<Arena>,
         width: u8,
@@ -154,7 +154,7 @@ impl StepCase<'_> {
     }
 
     /// Columns of inputs for states, with a fixed constant and a running derivative of 1.
-    fn columns(width: u8, states: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    pub(super) fn columns(width: u8, states: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let mut columns: Vec<Vec<f64>> =
             (0..usize::from(width)).map(|i| states.iter().map(|z| z[i]).collect()).collect();
         columns.extend([0.3, -0.2, 0.45, 0.1].iter().take(usize::from(width)).map(|c| vec![*c; states.len()]));

@@ -7,7 +7,8 @@ use bulbfold::chart::cost::CostChart;
 use bulbfold::chart::depth::DepthChart;
 use bulbfold::chart::step_size::StepChart;
 use bulbfold::chart::{Drawing, cost, depth, raster, step_size, svg};
-use bulbfold::check::measure::{Candidate, Measurer, Reference, View, depth as depths, step_size as steps};
+use bulbfold::check::measure::{Candidate, Measurer, View, depth as depths, find_truths, step_size as steps};
+use bulbfold::check::truth::Truths;
 use bulbfold::check::{Backends, Subject, Target};
 use bulbfold::expr::Arena;
 use bulbfold::film::{Image, write_beside};
@@ -56,7 +57,7 @@ pub struct Arguments {
     #[arg(long, value_name = "PATH=VALUE", value_parser = parse_set)]
     set: Vec<(String, String)>,
     /// Rays of the view to sample, from 16 to 100000
-    #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(16..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = 1600, value_parser = clap::value_parser!(u32).range(16..=100_000))]
     rays: u32,
     /// Picture size that says how large a footprint is
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = parse_size)]
@@ -232,28 +233,28 @@ impl Chart<'_> {
         }
         let view = View::sample(&subject, self.arguments.size, self.arguments.rays as usize);
         // The truth takes about half of the time.
-        let reference = Reference::find(&subject, &view, &mut |share| progress(share * 0.5)).map_err(work)?;
-        if reference.hits() == 0 {
+        let truths = find_truths(&subject, &view, &mut |share| progress(share * 0.5)).map_err(work)?;
+        if truths.counts()[0] == 0 {
             let text = format!("none of {} sampled rays of {} has a settled hit", view.rays.len(), self.graph.name);
             return Err(usage(text, "turn the camera towards the fractal, or sample more rays with --rays"));
         }
         let mut later = |share: f64| progress(0.5 + share * 0.5);
         match self.arguments.kind {
-            Kind::Cost => self.cost(&subject, &view, &reference, &mut later),
+            Kind::Cost => self.cost(&subject, &view, &truths, &mut later),
             Kind::StepSize => {
                 let gradient = |c: &bulbfold::compose::Choice| c.applicable.contains(&Method::Gradient);
                 if !subject.plan.choices.iter().any(gradient) {
                     let text = format!("{} has no exact gradient to compare finite differences with", self.graph.name);
                     return Err(usage(text, "`--kind cost` and `--kind depth` work for every formula"));
                 }
-                let sizes = steps::measure(&subject, &view, &reference, self.backends, self.targets, &mut later);
+                let sizes = steps::measure(&subject, &truths, self.backends, self.targets, &mut later);
                 let chart = StepChart { formula: self.graph.name.clone(), sizes: sizes.map_err(work)? };
                 Ok(Sheet { drawing: chart.drawing(), csv: chart.csv() })
             }
             Kind::Depth => {
                 let decades = self.arguments.decades;
                 let found =
-                    depths::measure(&subject, (&view, &reference), self.backends, self.targets, decades, &mut later);
+                    depths::measure(&subject, (&view, &truths), self.backends, self.targets, decades, &mut later);
                 let chart = DepthChart { formula: self.graph.name.clone(), depths: found.map_err(work)? };
                 Ok(Sheet { drawing: chart.drawing(), csv: chart.csv() })
             }
@@ -264,11 +265,11 @@ impl Chart<'_> {
         &self,
         subject: &Subject,
         view: &View,
-        reference: &Reference,
+        truths: &Truths,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Sheet, Failure> {
         let (candidates, auto) = self.candidates(subject);
-        let mut measurer = Measurer::new(subject, view, reference, self.backends);
+        let mut measurer = Measurer::new(subject, truths, self.backends);
         let mut points = Vec::new();
         for (i, candidate) in candidates.iter().enumerate() {
             points.push((*candidate, measurer.measure(candidate).map_err(work)?));
@@ -278,8 +279,8 @@ impl Chart<'_> {
             formula: self.graph.name.clone(),
             size: view.size,
             rays: view.rays.len(),
-            hits: reference.hits(),
-            ambiguous: reference.ambiguous(),
+            hits: truths.counts()[0],
+            ambiguous: truths.counts()[2],
             points,
             auto,
             picture: self.picture(subject)?,

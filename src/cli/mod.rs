@@ -8,6 +8,7 @@ mod arguments;
 mod backend;
 #[cfg(feature = "chart")]
 mod chart;
+mod check;
 mod compile;
 mod docs;
 mod doctor;
@@ -22,6 +23,7 @@ mod render;
 mod session;
 mod stats;
 mod test;
+mod truth;
 
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
@@ -58,6 +60,10 @@ enum Command {
     Compile(compile::Arguments),
     /// Run the tests that formula and step files hold, on every back end.
     Test(test::Arguments),
+    /// Look for what is wrong in a formula or step.
+    Check(check::Arguments),
+    /// March rays by brute force and compare the estimate with that.
+    Truth(truth::Arguments),
     /// Print what the formula says at points or along rays, as text or JSON lines.
     Probe(probe::Arguments),
     /// Draw what every distance estimate costs and how right it is.
@@ -136,6 +142,8 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::Render(arguments) => render::run(arguments, &mut Session::new(folders)?, out),
         Command::Compile(arguments) => compile::run(arguments, &mut Session::new(folders)?, out),
         Command::Test(arguments) => test::run(arguments, &mut Session::new(folders)?, out),
+        Command::Check(arguments) => check::run(arguments, &mut Session::new(folders)?, out),
+        Command::Truth(arguments) => truth::run(arguments, &mut Session::new(folders)?, out),
         Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
         #[cfg(feature = "chart")]
         Command::Chart(arguments) => chart::run(arguments, &mut Session::new(folders)?),

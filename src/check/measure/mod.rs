@@ -1,6 +1,6 @@
 //! What estimates cost and how far they are off, measured on the view itself: the evidence of charts and of choices.
 //!
-//! In come a [`Subject`], a [`View`] of it with its [`Reference`] (the truth of the view's rays) and [`Candidate`]s; out
+//! In come a [`Subject`], a [`View`] of it with its [`Truths`] and [`Candidate`]s; out
 //! comes a [`Measured`] each. All candidates march the same rays and are compared with the same truth, so that their
 //! numbers can be compared with each other. [`step_size`] and [`depth`] vary the step of finite differences and the zoom.
 
@@ -9,22 +9,16 @@ pub mod step_size;
 
 use super::backends::{Backends, Target};
 use super::formula::rendered;
-use super::subject::{Subject, sphere_range};
-use super::truth::{Ray, Truth, depths};
-use crate::compose::{Plan, Purpose, choose, compose_estimator};
+use super::subject::Subject;
+use super::truth::{Judgement, Ray, Scale, Truths, candidate as candidate_march, ends, ray_columns};
+use crate::compose::{Plan, choose};
 use crate::graph::{Camera, DeForm, EstimateSettings, Method};
-use crate::kernel::{Kernel, Status, march_output_ports};
-use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, compose_march};
-use crate::shade::{CameraFrame, Size, frame_automatically, pixel_radius};
+use crate::kernel::Kernel;
+use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings};
+use crate::shade::{CameraFrame, Size, frame_automatically};
 
-/// Behind the truth by more than this many footprints, a hit counts as missed.
-pub const MISSED_FOOTPRINTS: f64 = 2.0;
-/// In front of the truth by more than this share of the bounding radius, a hit counts as early.
-pub const EARLY_SHARE: f64 = 0.005;
 /// Estimates after which a ray is unfinished.
 const MAX_MARCH_STEPS: u32 = 1000;
-/// Rays whose truths are found at once, between two calls of `progress`.
-const BATCH: usize = 64;
 /// Copies of the rays that a GPU is timed with: a few hundred rays do not fill one.
 const GPU_COPIES: usize = 32;
 
@@ -35,10 +29,8 @@ pub struct View {
     pub camera: Camera,
     /// Columns and rows of the picture that they are taken from.
     pub size: Size,
-    /// Radius of a pixel at distance 1.
-    pub pixel_radius: f64,
-    /// Radius of a ball around the origin that holds everything.
-    pub bounding_radius: f64,
+    /// What rays are measured with.
+    pub scale: Scale,
     /// Centres of pixels on an even grid over the picture, row by row.
     pub rays: Vec<Ray>,
 }
@@ -53,7 +45,8 @@ impl View {
 
     /// About `count` rays of a camera.
     pub fn of_camera(camera: Camera, size: Size, bounding_radius: f64, count: usize) -> View {
-        let pixel_radius = pixel_radius(&camera, size);
+        let scale = Scale::of_view(&camera, size, bounding_radius);
+        let pixel_radius = scale.pixel_radius;
         let frame = CameraFrame::new(&camera);
         let (width, height) = (f64::from(size.width), f64::from(size.height));
         let columns = ((count as f64 * width / height).sqrt().round() as u32).clamp(1, size.width);
@@ -69,48 +62,18 @@ impl View {
             .flat_map(|j| (0..columns).map(move |i| (i, j)))
             .map(|(i, j)| ray(pixel(i, columns, width), pixel(j, rows, height)))
             .collect();
-        View { camera, size, pixel_radius, bounding_radius, rays }
-    }
-
-    /// Columns of the march's inputs: each ray with its range in the bounding sphere.
-    fn columns(&self) -> Vec<Vec<f64>> {
-        let mut columns = vec![Vec::with_capacity(self.rays.len()); 8];
-        for (origin, direction) in &self.rays {
-            let (near, far) = sphere_range(*origin, *direction, self.bounding_radius);
-            let values = origin.iter().chain(direction).copied().chain([near, far]);
-            columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
-        }
-        columns
+        View { camera, size, scale, rays }
     }
 }
 
-/// The truth of a view's rays.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Reference {
-    /// One for each ray.
-    pub truths: Vec<Truth>,
-}
-
-impl Reference {
-    /// Finds the truths by brute force, in f64. `progress` is told the share that is done.
-    pub fn find(subject: &Subject, view: &View, progress: &mut dyn FnMut(f64)) -> Result<Reference, String> {
-        let mut truths = Vec::with_capacity(view.rays.len());
-        for batch in view.rays.chunks(BATCH) {
-            truths.extend(depths(subject, batch, view.pixel_radius)?);
-            progress(truths.len() as f64 / view.rays.len() as f64);
-        }
-        Ok(Reference { truths })
-    }
-
-    /// Rays with a settled hit.
-    pub fn hits(&self) -> usize {
-        self.truths.iter().filter(|t| matches!(t, Truth::Hit(_))).count()
-    }
-
-    /// Rays whose truth does not settle; they judge nothing.
-    pub fn ambiguous(&self) -> usize {
-        self.truths.iter().filter(|t| **t == Truth::Ambiguous).count()
-    }
+/// Finds the truth of a view's rays by brute force, in f64. `progress` is told the share that is done.
+pub fn find_truths(subject: &Subject, view: &View, progress: &mut dyn FnMut(f64)) -> Result<Truths, String> {
+    let mut told = |share: f64| {
+        progress(share);
+        true
+    };
+    let truths = Truths::find(&subject.composer(), &subject.plan.choices, &view.rays, view.scale, &mut told);
+    truths.map_err(|error| rendered(error, subject.library))
 }
 
 /// One way of estimating distances.
@@ -138,12 +101,12 @@ impl Candidate {
     }
 }
 
-/// How a candidate did. Shares are of the rays with a settled hit.
+/// How a candidate did, as [`Judgement`] defines it.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Measured {
-    /// Share of the hits that the march passed or met more than [`MISSED_FOOTPRINTS`] behind.
+    /// Share of the hits that the march passed or met more than two footprints behind.
     pub missed: f64,
-    /// Share of the hits that it stopped in front of by more than [`EARLY_SHARE`] of the bounding radius.
+    /// Share of the stops that are in front of the truth by more than 0.5 % of the bounding radius.
     pub early: f64,
     /// Median of the depth error in footprints (a footprint is a pixel's diameter at the hit); infinite where most hits
     /// are lost.
@@ -159,7 +122,20 @@ pub struct Measured {
 }
 
 impl Measured {
-    /// Share of the hits that are wrong either way.
+    /// From a judgement and the time that a pixel took.
+    fn new(judged: &Judgement, ns_per_pixel: f64) -> Measured {
+        Measured {
+            missed: judged.missed,
+            early: judged.early,
+            median_error: judged.median_error,
+            ns_per_pixel,
+            estimates_per_pixel: judged.estimates,
+            unfinished: judged.unfinished,
+            nan: judged.nan,
+        }
+    }
+
+    /// The share that is wrong either way.
     pub fn wrong(&self) -> f64 {
         self.missed + self.early
     }
@@ -168,22 +144,17 @@ impl Measured {
 /// Candidates that share method and form differ in the march alone: their plan is made once.
 pub struct Measurer<'a> {
     subject: &'a Subject<'a>,
-    view: &'a View,
-    reference: &'a Reference,
+    truths: &'a Truths,
     backends: &'a Backends,
     columns: Vec<Vec<f64>>,
     plans: Vec<(Option<Method>, Option<DeForm>, Plan)>,
 }
 
 impl<'a> Measurer<'a> {
-    /// Measures candidates of one formula on one view.
-    pub fn new(
-        subject: &'a Subject<'a>,
-        view: &'a View,
-        reference: &'a Reference,
-        backends: &'a Backends,
-    ) -> Measurer<'a> {
-        Measurer { subject, view, reference, backends, columns: view.columns(), plans: Vec::new() }
+    /// Measures candidates of one formula on the rays of one view.
+    pub fn new(subject: &'a Subject<'a>, truths: &'a Truths, backends: &'a Backends) -> Measurer<'a> {
+        let columns = ray_columns(&truths.rays, truths.scale.bounding_radius);
+        Measurer { subject, truths, backends, columns, plans: Vec::new() }
     }
 
     fn plan(&mut self, candidate: &Candidate) -> Result<Plan, String> {
@@ -200,58 +171,29 @@ impl<'a> Measurer<'a> {
     /// Marches the view's rays and compares them with the truth. Errors are a step's or a back end's.
     pub fn measure(&mut self, candidate: &Candidate) -> Result<Measured, String> {
         let plan = self.plan(candidate)?;
-        let kernel = march_kernel(self.subject, &plan, candidate, self.view.pixel_radius)?;
+        let kernel = march_kernel(self.subject, &plan, candidate, self.truths.scale.pixel_radius)?;
         let (arena, target) = (self.subject.arena, candidate.target);
         let copies = if target == Target::Gpu { GPU_COPIES } else { 1 };
         let columns: Vec<Vec<f64>> = self.columns.iter().map(|c| c.repeat(copies)).collect();
         let (out, time) =
             self.backends.run_timed(target, arena, &kernel, &columns).map_err(|error| error.to_string())?;
-        let rays = self.view.rays.len();
-        let mut measured = compare(self.view, self.reference, &out);
-        measured.ns_per_pixel = time.as_nanos() as f64 / (rays * copies).max(1) as f64;
-        Ok(measured)
+        let rays = self.truths.rays.len();
+        let judged = self.truths.judge(&ends(&out, rays));
+        Ok(Measured::new(&judged, time.as_nanos() as f64 / (rays * copies).max(1) as f64))
     }
 }
 
 /// The march of a plan with a candidate's multiplier and precision.
 fn march_kernel(subject: &Subject, plan: &Plan, candidate: &Candidate, pixel_radius: f64) -> Result<Kernel, String> {
-    let composed = compose_estimator(&subject.composer(), &plan.choices, Purpose::March);
-    let estimator = composed.map_err(|error| rendered(error, subject.library))?;
     let settings = MarchSettings {
         fudge: candidate.fudge,
         pixel_radius,
         hit_eps: 0.0,
         max_march_steps: MAX_MARCH_STEPS,
         min_difference: if candidate.target == Target::CpuF64 { MIN_DIFFERENCE_F64 } else { MIN_DIFFERENCE_F32 },
+        difference_step: plan.difference_step,
     };
-    Ok(Kernel::March(compose_march(subject.arena, estimator, &settings)))
-}
-
-/// Compares columns of a march with the truth; times are left at 0. There may be more columns than rays.
-fn compare(view: &View, reference: &Reference, out: &[Vec<f64>]) -> Measured {
-    let ports = march_output_ports();
-    let column = |name: &str| &out[ports.iter().position(|p| p.name == name).expect("the march has this port")];
-    let (t, status, rays) = (column("t"), column("status"), view.rays.len());
-    let mut measured = Measured::default();
-    let mut errors = Vec::new();
-    for (i, truth) in reference.truths.iter().enumerate() {
-        let status = Status::from_code(status[i]);
-        measured.unfinished += usize::from(status == Status::Unfinished);
-        let Truth::Hit(truth) = *truth else { continue };
-        let footprint = 2.0 * view.pixel_radius * truth;
-        let error = if status == Status::Hit { (t[i] - truth) / footprint } else { f64::INFINITY };
-        measured.missed += f64::from(u8::from(error > MISSED_FOOTPRINTS));
-        measured.early += f64::from(u8::from(truth - t[i] > EARLY_SHARE * view.bounding_radius && error < 0.0));
-        errors.push(error.abs());
-    }
-    let hits = errors.len().max(1) as f64;
-    errors.sort_by(f64::total_cmp);
-    measured.missed /= hits;
-    measured.early /= hits;
-    measured.median_error = errors.get(errors.len() / 2).copied().unwrap_or(0.0);
-    measured.estimates_per_pixel = column("steps")[..rays].iter().sum::<f64>() / rays.max(1) as f64;
-    measured.nan = column("nan")[..rays].iter().filter(|&&n| n > 0.0).count();
-    measured
+    candidate_march(&subject.composer(), &plan.choices, &settings).map_err(|error| rendered(error, subject.library))
 }
 
 /// Indices of the points that no other is both cheaper and better than, from cheap to good; `cost` and `error` of each.

@@ -3,10 +3,10 @@
 //! The exact gradient's estimate in f64 is the reference: with a large step a difference misses the curvature of r, with a
 //! small one it is rounding alone, and between them lies the window of usable steps.
 
-use super::{Backends, Reference, Subject, Target, View};
+use super::{Backends, Subject, Target};
 use crate::check::formula::rendered;
 use crate::check::subject::estimator_columns;
-use crate::check::truth::Truth;
+use crate::check::truth::{Truths, point};
 use crate::graph::Method;
 use crate::kernel::Kernel;
 
@@ -63,8 +63,7 @@ pub struct StepSizes {
 /// those of back ends. `progress` is told the share that is done.
 pub fn measure(
     subject: &Subject,
-    view: &View,
-    reference: &Reference,
+    truths: &Truths,
     backends: &Backends,
     targets: &[Target],
     progress: &mut dyn FnMut(f64),
@@ -81,7 +80,7 @@ pub fn measure(
         subject.estimator(&choices).map_err(|error| rendered(error, subject.library))
     };
     let (exact, delta) = (kernel(Method::Gradient)?, kernel(Method::Delta)?);
-    let points = near_points(view, reference);
+    let points = near_points(truths);
     let run = |target: Target, kernel: &Kernel, points: &[[f64; 3]], h: f64| {
         let columns = estimator_columns(points, &vec![h; points.len()], 1e-9);
         backends.run(target, subject.arena, kernel, &columns).map_err(|error| error.to_string())
@@ -110,14 +109,9 @@ pub fn measure(
     Ok(StepSizes { points: points.len(), estimate: sorted[sorted.len() / 2], curves })
 }
 
-fn near_points(view: &View, reference: &Reference) -> Vec<[f64; 3]> {
-    let rays = view.rays.iter().zip(&reference.truths);
-    rays.filter_map(|((origin, direction), truth)| {
-        let Truth::Hit(t) = *truth else { return None };
-        let t = t * (1.0 - 2.0 * view.pixel_radius * FOOTPRINTS);
-        Some([0, 1, 2].map(|i| origin[i] + direction[i] * t))
-    })
-    .collect()
+fn near_points(truths: &Truths) -> Vec<[f64; 3]> {
+    let hits = truths.rays.iter().zip(&truths.depths).filter_map(|(ray, truth)| Some((ray, truth.depth()?)));
+    hits.map(|(ray, t)| point(*ray, t - FOOTPRINTS * truths.scale.footprint(t))).collect()
 }
 
 fn step_error(h: f64, found: &[f64], wanted: &[f64]) -> StepError {

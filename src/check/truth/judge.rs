@@ -1,0 +1,199 @@
+//! Marches compared with the truth.
+
+use super::{Ray, Scale, Truth, Truths, point, ray_columns, view_rays};
+use crate::check::formula::rendered;
+use crate::check::subject::Subject;
+use crate::compose::{Choice, ComposeResult, Composer, Purpose, compose_estimator};
+use crate::expr::Arena;
+use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use crate::march::{MarchSettings, compose_march};
+use crate::render::{RenderSettings, compose_pipeline};
+
+/// A stop in front of the truth by more than this share of the bounding radius is early.
+const EARLY: f64 = 0.005;
+/// In views so close that this many footprints are less than that, they decide.
+const EARLY_FOOTPRINTS: f64 = 4.0;
+/// A stop behind the truth by more than this many footprints has passed the surface.
+const BEHIND_FOOTPRINTS: f64 = 2.0;
+/// Points around an early stop that are asked whether something thin is there after all, and how far around, in pixel radii.
+const NEAR_STOP: usize = 33;
+const NEAR_STOP_REACH: f64 = 0.25;
+
+/// How a march ended on one ray.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct End {
+    /// How.
+    pub status: Status,
+    /// Depth of the hit; where the march was, else.
+    pub t: f64,
+    /// Estimates made.
+    pub estimates: u64,
+    /// Iterations of all of them.
+    pub iterations: u64,
+    /// Whether an estimate was not a number.
+    pub nan: bool,
+}
+
+impl End {
+    /// The depth of a hit.
+    pub fn depth(&self) -> Option<f64> {
+        (self.status == Status::Hit).then_some(self.t)
+    }
+}
+
+/// How a march does against the truth of the same rays. Shares are from 0 to 1.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub struct Judgement {
+    /// Rays with a settled hit.
+    pub hits: usize,
+    /// Rays that settled on a miss.
+    pub misses: usize,
+    /// Rays that settled on nothing, and are left out of everything below.
+    pub ambiguous: usize,
+    /// Hits on something thinner than a hit threshold (half a footprint) along the ray. They count like all others.
+    pub thin: usize,
+    /// Share of all hits, thin ones included, that the march passed: it missed, ran out of steps, or stopped more than two
+    /// footprints behind.
+    pub missed: f64,
+    /// The same share of the thin hits alone.
+    pub missed_thin: f64,
+    /// The same share of the hits that are not thin.
+    pub missed_thick: f64,
+    /// Share, of all settled rays that the march stopped on, of stops in front of the truth by more than 0.5 % of the
+    /// bounding radius (or four footprints, where those are less); a stop on a ray that misses counts, too.
+    pub early: f64,
+    /// Stops that would be early, but a member of the set lies within an eighth of a footprint: there is something
+    /// thinner than brute force can see. Not counted as early.
+    pub finer: usize,
+    /// Median of the depth error of the hits, in footprints (a footprint is a pixel's diameter at the hit).
+    pub median_error: f64,
+    /// Settled rays that ran out of steps.
+    pub unfinished: usize,
+    /// Rays with an estimate that was not a number.
+    pub nan: usize,
+    /// Estimates a ray, on the average of all rays.
+    pub estimates: f64,
+    /// Iterations a ray, on the average of all rays.
+    pub iterations: f64,
+}
+
+impl Judgement {
+    /// Whether an error budget is kept: missed hits, early stops, median depth error in footprints.
+    pub fn is_within(&self, missed: f64, early: f64, median_error: f64) -> bool {
+        self.missed <= missed && self.early <= early && self.median_error <= median_error
+    }
+}
+
+/// The march of a candidate: its choices (one for each orbit of the field) and how it steps.
+pub fn candidate(composer: &Composer, choices: &[Choice], settings: &MarchSettings) -> ComposeResult<Kernel> {
+    let estimator = compose_estimator(composer, choices, Purpose::March)?;
+    Ok(Kernel::March(compose_march(composer.arena, estimator, settings)))
+}
+
+/// Marches rays, clipped to the bounding sphere, on a back end.
+pub fn march_rays<B: Backend>(
+    backend: &B,
+    arena: &Arena,
+    march: &Kernel,
+    rays: &[Ray],
+    bounding_radius: f64,
+) -> Result<Vec<End>, BackendError> {
+    let prepared = backend.prepare(arena, march)?;
+    let columns = backend.upload(&ray_columns(rays, bounding_radius))?;
+    Ok(ends(&backend.download(&backend.run(&prepared, &[&columns])?)?, rays.len()))
+}
+
+/// The ends of the first `count` rays from the columns of a march.
+pub fn ends(out: &[Vec<f64>], count: usize) -> Vec<End> {
+    let ports = march_output_ports();
+    let column = |name: &str| &out[ports.iter().position(|p| p.name == name).expect("a port of the march")];
+    let (t, status, steps) = (column("t"), column("status"), column("steps"));
+    let (iterations, nan) = (column("iterations"), column("nan"));
+    let end = |i: usize| End {
+        status: Status::from_code(status[i]),
+        t: t[i],
+        estimates: steps[i] as u64,
+        iterations: iterations[i] as u64,
+        nan: nan[i] > 0.0,
+    };
+    (0..count).map(end).collect()
+}
+
+impl Truths {
+    /// Compares a march of the same rays with the truth. Panics unless there is an end for each ray.
+    pub fn judge(&self, ends: &[End]) -> Judgement {
+        assert_eq!(ends.len(), self.rays.len(), "a march of other rays");
+        let [hits, misses, ambiguous] = self.counts();
+        let mut judged = Judgement { hits, misses, ambiguous, thin: self.thin(), ..Judgement::default() };
+        let (mut missed, mut early, mut stops) = ([0usize; 2], 0usize, 0usize);
+        let mut errors = Vec::new();
+        for (i, end) in ends.iter().enumerate() {
+            judged.nan += usize::from(end.nan);
+            judged.estimates += end.estimates as f64;
+            judged.iterations += end.iterations as f64;
+            if self.depths[i] == Truth::Ambiguous {
+                continue;
+            }
+            judged.unfinished += usize::from(end.status == Status::Unfinished);
+            stops += usize::from(end.depth().is_some());
+            if self.is_early(i, end) {
+                match self.is_member_near(self.rays[i], end.t) {
+                    true => judged.finer += 1,
+                    false => early += 1,
+                }
+            }
+            let Some(truth) = self.depths[i].depth() else { continue };
+            let error = end.depth().map_or(f64::INFINITY, |t| (t - truth) / self.scale.footprint(truth));
+            missed[usize::from(self.thick[i])] += usize::from(error > BEHIND_FOOTPRINTS);
+            errors.push(error.abs());
+        }
+        let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
+        judged.missed = share(missed[0] + missed[1], hits);
+        judged.missed_thin = share(missed[0], judged.thin);
+        judged.missed_thick = share(missed[1], hits - judged.thin);
+        judged.early = share(early, stops);
+        judged.estimates /= ends.len().max(1) as f64;
+        judged.iterations /= ends.len().max(1) as f64;
+        errors.sort_by(f64::total_cmp);
+        judged.median_error = errors.get(errors.len() / 2).copied().unwrap_or(0.0);
+        judged
+    }
+
+    /// Whether a march stopped in front of the truth, or where there is nothing.
+    pub fn is_early(&self, ray: usize, end: &End) -> bool {
+        let Some(t) = end.depth() else { return false };
+        match self.depths[ray] {
+            Truth::Hit(truth) => {
+                let slack = (EARLY * self.scale.bounding_radius).min(EARLY_FOOTPRINTS * self.scale.footprint(truth));
+                t < truth - slack
+            }
+            Truth::Miss => true,
+            Truth::Ambiguous => false,
+        }
+    }
+
+    /// Whether the set has a member within an eighth of a footprint of a depth: fixed steps may pass over what is thinner
+    /// than they are, and then a march that stopped there was right.
+    fn is_member_near(&self, ray: Ray, t: f64) -> bool {
+        let reach = NEAR_STOP_REACH * self.scale.pixel_radius * t;
+        let offset = |k: usize| 2.0 * k as f64 / (NEAR_STOP - 1) as f64 - 1.0;
+        let mut points: Vec<[f64; 3]> = (0..NEAR_STOP).map(|k| point(ray, t + reach * offset(k))).collect();
+        points.push(point(ray, t));
+        let eps = vec![self.scale.pixel_radius * t; points.len()];
+        self.members().inside(&points, &eps).contains(&true)
+    }
+}
+
+/// Marches random rays of the formula's own view as a picture of these settings would, in f64, and compares them with the
+/// truth.
+pub fn judge(subject: &Subject, rays: usize, settings: &RenderSettings) -> Result<Judgement, String> {
+    let composer = subject.composer();
+    let pipeline = compose_pipeline(&composer, settings).map_err(|e| rendered(e, subject.library))?;
+    let scale = Scale::of_view(&pipeline.camera, settings.size, pipeline.plan.bounding_radius);
+    let rays = view_rays(&pipeline.camera, settings.size, rays, 4);
+    let truths = Truths::find(&composer, &pipeline.plan.choices, &rays, scale, &mut |_| true);
+    let truths = truths.map_err(|error| rendered(error, subject.library))?;
+    let ends = march_rays(&Cpu::new(Precision::F64), subject.arena, &pipeline.march, &truths.rays, scale.bounding_radius);
+    Ok(truths.judge(&ends.map_err(|error| error.to_string())?))
+}

@@ -1,0 +1,95 @@
+//! Whether points belong to a set: the estimator of a field with everything cut away that does not decide `inside`.
+
+use crate::compose::{Choice, ComposeResult, Composer, Purpose, compose_estimator};
+use crate::expr::{Arena, Function, NodeId, Port};
+use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
+use crate::kernel::{Backend, Estimator, Kernel, Orbit};
+
+/// The estimator of the whole field with `inside` as its only output: no derivative is carried.
+pub fn compose_membership(composer: &Composer, choices: &[Choice]) -> ComposeResult<Kernel> {
+    let mut estimator = compose_estimator(composer, choices, Purpose::March)?;
+    let arena = composer.arena;
+    let combine = &mut estimator.combine;
+    combine.outputs.retain(|(port, _)| port.name == "inside");
+    let mut next = Estimator::inputs().len();
+    for orbit in &mut estimator.orbits {
+        for (i, output) in orbit.finish.outputs.iter_mut().enumerate() {
+            if !combine.reads(arena, next + i) {
+                output.1 = zero(arena, &output.0);
+            }
+        }
+        // After the outputs of `finish` come `inside` and `n`.
+        next += orbit.finish.outputs.len() + 2;
+        cut(arena, orbit);
+    }
+    Ok(Kernel::Estimate(estimator))
+}
+
+fn zero(arena: &Arena, port: &Port) -> NodeId {
+    arena.constant(port.ty, [0.0; 4]).id
+}
+
+/// Numbers of the inputs that an output needs.
+fn inputs_of(arena: &Arena, function: &Function, root: NodeId) -> Vec<bool> {
+    let one = Function {
+        name: String::new(),
+        inputs: function.inputs.clone(),
+        outputs: vec![(Port::new("root", arena.expr(root).ty()), root)],
+    };
+    (0..function.inputs.len()).map(|number| one.reads(arena, number)).collect()
+}
+
+/// Keeps of an orbit's state what `escaped` and the remaining outputs of `finish` need, directly or through later
+/// iterations; the rest is passed on unchanged, which costs nothing.
+fn cut(arena: &Arena, orbit: &mut Orbit) {
+    let states = orbit.state.len();
+    let mut needed = vec![false; states + orbit.frozen.len() + 1];
+    let mut open: Vec<(&Function, NodeId)> = orbit.finish.outputs.iter().map(|(_, id)| (&orbit.finish, *id)).collect();
+    open.extend(orbit.items.iter().map(|item| (item, item.outputs[states].1)));
+    while let Some((function, root)) = open.pop() {
+        for (number, reads) in inputs_of(arena, function, root).into_iter().enumerate() {
+            if reads && !std::mem::replace(&mut needed[number], true) && number < states {
+                open.extend(orbit.items.iter().map(|item| (item, item.outputs[number].1)));
+            }
+        }
+    }
+    for number in 0..states + orbit.frozen.len() {
+        if needed[number] {
+            continue;
+        }
+        let start = &mut orbit.init.outputs[number];
+        start.1 = zero(arena, &start.0);
+        for item in orbit.items.iter_mut().filter(|_| number < states) {
+            let output = &mut item.outputs[number];
+            output.1 = arena.input(number as u16, output.0.ty).id;
+        }
+    }
+}
+
+/// A formula's membership, ready to run in f64.
+pub struct Members {
+    cpu: Cpu,
+    kernel: CpuKernel,
+}
+
+impl Members {
+    /// Compiles the membership of a field.
+    pub fn new(composer: &Composer, choices: &[Choice]) -> ComposeResult<Members> {
+        let cpu = Cpu::new(Precision::F64);
+        let kernel = compose_membership(composer, choices)?;
+        let kernel = cpu.prepare(composer.arena, &kernel).expect("the CPU takes every kernel");
+        Ok(Members { cpu, kernel })
+    }
+
+    /// For each point of the world whether its orbit stays in. `eps` are hit thresholds, which say how thick shells are.
+    pub fn inside(&self, points: &[[f64; 3]], eps: &[f64]) -> Vec<bool> {
+        let mut columns: Vec<Vec<f64>> = (0..3).map(|i| points.iter().map(|p| p[i]).collect()).collect();
+        // Membership does not depend on the ray's direction.
+        columns.extend([1.0, 0.0, 0.0].map(|x| vec![x; points.len()]));
+        columns.extend([eps.to_vec(), eps.to_vec()]);
+        let columns = self.cpu.upload(&columns).expect("the CPU holds every column");
+        let result = self.cpu.run(&self.kernel, &[&columns]).expect("the CPU runs every kernel");
+        let result = self.cpu.download(&result).expect("the CPU holds every column");
+        result[0].iter().map(|&inside| inside > 0.5).collect()
+    }
+}

@@ -1,0 +1,252 @@
+//! `bulbfold truth`: where rays really meet the set, by brute force, and how the march of an estimate compares.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use bulbfold::check::exact::Limit;
+use bulbfold::check::truth::{End, Judgement, Ray, Scale, Truth, Truths, candidate, march_rays, view_rays};
+use bulbfold::compose::{Composer, Plan, choose};
+use bulbfold::expr::Arena;
+use bulbfold::graph::ValidGraph;
+use bulbfold::kernel::{Backend, BackendError, Kernel};
+use bulbfold::march::MarchSettings;
+use bulbfold::shade::{Size, frame_automatically};
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::arguments::{BackendArg, EstimateArgs, FormulaArgs, PrecisionArg, parse_size};
+use super::backend::{Job, Wanted, run_job};
+use super::points::read_rows;
+use super::progress::{Progress, short};
+use super::{Failure, Outcome, Session, usage};
+
+/// Version of what `--json` writes.
+const JSON_VERSION: u32 = 1;
+/// Points along a ray at which the estimate is compared with a known exact distance.
+const EXACT_EPS: f64 = 1e-6;
+
+/// Arguments of `truth`.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  bulbfold truth mandelbulb
+  bulbfold truth my_hybrid.ron --rays 1000 --size 640x360 --de scalar --fudge 0.8
+  bulbfold truth menger --rays-file rays.csv --json > truth.jsonl
+
+Rays are walked in f64 by steps of a quarter of a pixel and less, testing membership alone; then they
+are marched with the estimate, and both answers are compared. A hit counts as missed where the march
+passes it, a stop as early where it is in front of the truth by more than 0.5 % of the bounding radius.")]
+pub struct Arguments {
+    #[command(flatten)]
+    formula: FormulaArgs,
+    /// Random rays through the picture
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    rays: u32,
+    /// Rays to take instead, a line `ox,oy,oz,dx,dy,dz` each; directions may have any length
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["rays", "seed"])]
+    rays_file: Option<PathBuf>,
+    /// Size of the picture, which says how fine a pixel is
+    #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = parse_size)]
+    size: Size,
+    /// Which random rays
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    seed: u64,
+    /// Write JSON lines, one for each ray and one for the summary
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    estimate: EstimateArgs,
+    /// Precision of the march that is compared [default: f64]
+    #[arg(long, value_enum)]
+    precision: Option<PrecisionArg>,
+    /// Where the march that is compared runs
+    #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
+    backend: BackendArg,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
+    let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
+    let precision = wanted.precision(PrecisionArg::F64)?;
+    let given = arguments.rays_file.as_ref().map(|path| read_rays(path)).transpose()?;
+    let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
+    let arena = Rc::new(Arena::default());
+    let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
+    let plan = choose(&composer, &arguments.estimate.settings()).map_err(|error| session.failure(error))?;
+    for warning in &plan.warnings {
+        session.warn(warning);
+    }
+    let camera = graph.camera.unwrap_or_else(|| frame_automatically(plan.bounding_radius));
+    let scale = Scale::of_view(&camera, arguments.size, plan.bounding_radius);
+    let rays = given.unwrap_or_else(|| view_rays(&camera, arguments.size, arguments.rays as usize, arguments.seed));
+
+    let start = Instant::now();
+    let mut progress = Progress::new(false);
+    let truths = Truths::find(&composer, &plan.choices, &rays, scale, &mut |share| {
+        progress.update(share);
+        true
+    });
+    progress.finish();
+    let truths = truths.map_err(|error| session.failure(error))?;
+    let time = start.elapsed();
+
+    let settings = MarchSettings {
+        fudge: plan.fudge,
+        pixel_radius: scale.pixel_radius,
+        min_difference: precision.min_difference(),
+        ..MarchSettings::default()
+    };
+    let march = candidate(&composer, &plan.choices, &settings).map_err(|error| session.failure(error))?;
+    let mut job = MarchJob { arena: &arena, march: &march, rays: &truths.rays, radius: scale.bounding_radius };
+    let (backend, ends) = run_job(session, arguments.backend, precision, &mut job)?;
+    let told = Told { graph: &graph, plan: &plan, truths: &truths, ends: &ends, backend: &backend, time };
+    match arguments.json {
+        true => told.json(out),
+        false => told.text(out),
+    }
+}
+
+fn read_rays(path: &std::path::Path) -> Result<Vec<Ray>, Failure> {
+    let rows = read_rows::<6>(path, "an origin and a direction: ox,oy,oz,dx,dy,dz")?;
+    let ray = |(i, row): (usize, [f64; 6])| {
+        let direction = glam::DVec3::new(row[3], row[4], row[5]).try_normalize().ok_or_else(|| {
+            let text = format!("{}: ray {} has a direction of length 0", path.display(), i + 1);
+            usage(text, "a direction is any vector but 0,0,0")
+        })?;
+        Ok(([row[0], row[1], row[2]], direction.to_array()))
+    };
+    rows.into_iter().enumerate().map(ray).collect()
+}
+
+struct MarchJob<'a> {
+    arena: &'a Arena,
+    march: &'a Kernel,
+    rays: &'a [Ray],
+    radius: f64,
+}
+
+impl Job for MarchJob<'_> {
+    type Output = Vec<End>;
+
+    fn run<B: Backend>(&mut self, backend: &B) -> Result<Vec<End>, BackendError> {
+        march_rays(backend, self.arena, self.march, self.rays, self.radius)
+    }
+}
+
+/// How the truth compares with a known exact limit set.
+struct ExactAnswer {
+    name: String,
+    /// Rays that meet the limit set.
+    hits: usize,
+    /// Of those, rays whose truth is a miss or lies behind the limit set.
+    passed: usize,
+    /// Largest exact distance from a true hit to the limit set: how much thicker finitely many iterations leave it.
+    thickness: f64,
+}
+
+/// Everything that is found.
+struct Told<'a> {
+    graph: &'a ValidGraph,
+    plan: &'a Plan,
+    truths: &'a Truths,
+    ends: &'a [End],
+    backend: &'a str,
+    time: Duration,
+}
+
+impl Told<'_> {
+    fn exact(&self) -> Option<ExactAnswer> {
+        let limit = Limit::of(self.graph)?;
+        let mut answer = ExactAnswer { name: limit.name().to_string(), hits: 0, passed: 0, thickness: 0.0 };
+        for (ray, truth) in self.truths.rays.iter().zip(&self.truths.depths) {
+            if let Truth::Hit(t) = truth {
+                let distance = limit.distance(bulbfold::check::truth::point(*ray, *t));
+                answer.thickness = answer.thickness.max(distance);
+            }
+            let far = glam::DVec3::from(ray.0).length() + self.plan.bounding_radius;
+            let Some(depth) = limit.depth(*ray, far, EXACT_EPS) else { continue };
+            answer.hits += 1;
+            let is_behind = |t: f64| t > depth + self.truths.scale.footprint(depth);
+            answer.passed += usize::from(match truth {
+                Truth::Hit(t) => is_behind(*t),
+                Truth::Miss => true,
+                Truth::Ambiguous => false,
+            });
+        }
+        Some(answer)
+    }
+
+    fn method(&self) -> String {
+        let of = |c: &bulbfold::compose::Choice| format!("{} {}", c.method.name(), c.form.name());
+        let mut names: Vec<String> = self.plan.choices.iter().map(of).collect();
+        names.dedup();
+        if names.is_empty() { "own".into() } else { names.join(", ") }
+    }
+
+    fn text(&self, out: &mut dyn Write) -> Outcome {
+        let [hits, misses, ambiguous] = self.truths.counts();
+        let judged = self.truths.judge(self.ends);
+        writeln!(out, "truth of {} rays by brute force in f64, in {}", self.truths.rays.len(), short(self.time))?;
+        writeln!(out, "  hits       {hits:6}   of them {} thinner than half a pixel", self.truths.thin())?;
+        writeln!(out, "  misses     {misses:6}")?;
+        writeln!(out, "  ambiguous  {ambiguous:6}   finer steps kept changing the answer; left out below")?;
+        if let Some(exact) = self.exact() {
+            let ExactAnswer { name, hits, passed, thickness } = exact;
+            writeln!(out, "  exact      {hits:6}   rays meet {name} itself; brute force passed {passed} of them")?;
+            writeln!(out, "                      no true hit is further than {thickness:.2e} from it")?;
+        }
+        writeln!(out, "march by {}, fudge {}, on {}", self.method(), self.plan.fudge, self.backend)?;
+        print_judgement(&judged, out)
+    }
+
+    fn json(&self, out: &mut dyn Write) -> Outcome {
+        let truths = self.truths;
+        for (i, ((ray, truth), end)) in truths.rays.iter().zip(&truths.depths).zip(self.ends).enumerate() {
+            let kind = match truth {
+                Truth::Hit(_) => "hit",
+                Truth::Miss => "miss",
+                Truth::Ambiguous => "ambiguous",
+            };
+            let thin = truth.depth().map(|_| !truths.thick[i]);
+            let line = json!({
+                "origin": ray.0, "direction": ray.1, "truth": kind, "t": truth.depth(), "thin": thin,
+                "march": end.depth(), "estimates": end.estimates, "iterations": end.iterations,
+            });
+            writeln!(out, "{line}")?;
+        }
+        let j = truths.judge(self.ends);
+        let exact = self.exact().map_or(Value::Null, |e| {
+            json!({ "set": e.name, "hits": e.hits, "passed": e.passed, "largest_distance": e.thickness })
+        });
+        let line = json!({ "summary": {
+            "version": JSON_VERSION, "rays": truths.rays.len(), "hits": j.hits, "misses": j.misses,
+            "ambiguous": j.ambiguous, "thin": j.thin, "seconds": self.time.as_secs_f64(), "exact": exact,
+            "method": self.method(), "fudge": self.plan.fudge, "backend": self.backend, "missed": j.missed,
+            "missed_thin": j.missed_thin, "early": j.early, "finer": j.finer, "median_error": j.median_error,
+            "unfinished": j.unfinished, "nan": j.nan, "estimates": j.estimates, "iterations": j.iterations,
+        } });
+        writeln!(out, "{line}")?;
+        Ok(())
+    }
+}
+
+fn print_judgement(judged: &Judgement, out: &mut dyn Write) -> Outcome {
+    let percent = |share: f64| format!("{:6.2} %", 100.0 * share);
+    let thin = percent(judged.missed_thin);
+    writeln!(out, "  missed   {}   of the hits were passed (of the thin ones {})", percent(judged.missed), thin.trim())?;
+    writeln!(out, "  early    {}   of the stops are in front of the truth", percent(judged.early))?;
+    if judged.finer > 0 {
+        let count = judged.finer;
+        writeln!(out, "                      {count} more are on something thinner than the brute force's steps")?;
+    }
+    writeln!(out, "  error    {:8.4}   footprints, the median depth error", judged.median_error)?;
+    writeln!(out, "  cost     {:8.1}   estimates and {:.1} iterations a ray", judged.estimates, judged.iterations)?;
+    for (count, what) in [(judged.unfinished, "ran out of steps"), (judged.nan, "met an estimate that is not a number")] {
+        if count > 0 {
+            writeln!(out, "  {count} rays {what}")?;
+        }
+    }
+    Ok(())
+}
