@@ -110,11 +110,20 @@ impl CostChart {
             let same = rivals().find(|(c, _)| c.fudge == candidate.fudge && c.method == Some(Method::Delta));
             if let Some((_, delta)) = same {
                 let ratio = plain((delta.ns_per_pixel / auto.ns_per_pixel * 10.0).round() / 10.0);
-                let _ = write!(text, " With the same steps, delta costs {ratio} times as much and is wrong at {}.", percent(delta.wrong()));
+                let _ = write!(
+                    text,
+                    " With the same steps, delta costs {ratio} times as much and is wrong at {}.",
+                    percent(delta.wrong())
+                );
             }
             text.push_str(&match cheapest {
-                Some(ratio) => format!(" To be as right, finite differences cost {} times as much.", plain((ratio * 10.0).round() / 10.0)),
-                None if rivals().next().is_some() => " No finite difference is as right at any fudge tried.".to_string(),
+                Some(ratio) => format!(
+                    " To be as right, finite differences cost {} times as much.",
+                    plain((ratio * 10.0).round() / 10.0)
+                ),
+                None if rivals().next().is_some() => {
+                    " No finite difference is as right at any fudge tried.".to_string()
+                }
                 None => String::new(),
             });
         }
@@ -164,16 +173,19 @@ impl CostChart {
             let line: Vec<Point> = curve.points.iter().map(|&i| places[i]).collect();
             page.line(&line, Family::of(curve.method).colour(), 1.4 * scale);
         }
-        for curve in &curves {
-            let colour = Family::of(curve.method).colour();
-            let (whole, part): (Vec<usize>, Vec<usize>) =
-                curve.points.iter().partition(|&&i| self.points[i].0.fudge >= 1.0);
-            for (which, diameter) in [(part, 6.5 * scale), (whole, 10.0 * scale)] {
-                let at: Vec<Point> = which.iter().map(|&i| places[i]).collect();
-                if at.is_empty() {
-                    continue;
+        // Dots of one kind are one item, which keeps files small.
+        for family in Family::ALL {
+            for target in [Target::CpuF64, Target::CpuF32, Target::Gpu] {
+                for (is_whole, diameter) in [(false, 6.5 * scale), (true, 10.0 * scale)] {
+                    let wanted = |(c, _): &(Candidate, Measured)| {
+                        Family::of(c.method) == family && c.target == target && (c.fudge >= 1.0) == is_whole
+                    };
+                    let here = self.points.iter().zip(places).filter(|(point, _)| wanted(point));
+                    let at: Vec<Point> = here.map(|(_, place)| *place).collect();
+                    if !at.is_empty() {
+                        dots(page, &at, diameter, target, family.colour());
+                    }
                 }
-                dots(page, &at, diameter, curve.target, colour);
             }
         }
     }

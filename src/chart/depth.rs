@@ -45,7 +45,7 @@ impl DepthChart {
         let words = |title: &str, label| Words { title: title.into(), label };
         errors.frame(&mut page, &words("", plain), &words("median depth error, footprints", plain), 13.0);
         let zoom = words("zoom: how many times nearer the camera is than in the file's view", plain);
-        wrong.frame(&mut page, &zoom, &words("unfinished or wrong hits (missed + early)", percent), 13.0);
+        wrong.frame(&mut page, &zoom, &words("missed + early", percent), 13.0);
         let limit = errors.y.at(GOOD);
         page.dashes(&[[92.0, limit], [900.0, limit]], INK, 1.0, 3.0);
         page.text(Text::new([100.0, limit - 6.0], "half a footprint", 12.0).halo());
@@ -53,11 +53,15 @@ impl DepthChart {
             let colour = target_colour(target);
             page.line(&self.line(&errors, target, |m| m.median_error), colour, 2.4);
             page.line(&self.line(&wrong, target, Measured::wrong), colour, 2.0);
-            page.dots(&self.line(&errors, target, |m| m.median_error), 6.5, colour);
+            let line = self.line(&errors, target, |m| m.median_error);
+            page.dots(&line, 6.5, colour);
+            if let Some([x, y]) = line.last() {
+                page.text(Text::new([x + 10.0, y + 4.5], target_label(target), 13.0).colour(colour).bold());
+            }
             if let Some(end) = end {
                 let at = x.at(end);
                 page.dashes(&[[at, 112.0], [at, 500.0]], colour, 1.4, 4.0);
-                let words = format!("{} holds to {}", target_label(target), plain(end));
+                let words = format!("{} is good to {}", target_label(target), plain(end));
                 let text = Text::new([at, 106.0], words, 13.0).colour(colour).bold();
                 page.text(if at > 700.0 { text.anchor(Anchor::End) } else { text.anchor(Anchor::Middle) });
             }
@@ -81,8 +85,8 @@ impl DepthChart {
         let last = self.depths.zooms.iter().filter(|z| z.settled >= SETTLED).last();
         let text = format!(
             "Method {} at fudge {}, {} rays a zoom towards the hit nearest to the middle of the file's view. The truth is found in \
-             f64 by fixed small steps at each zoom; lines end where it settles for less than {} of the rays, after zoom {}: \
-             there f64 itself has no digits left. A footprint is a pixel's diameter at the hit. Values beyond the panel's ends \
+             f64 by fixed small steps at each zoom; zooms where fewer than {} of the rays settle on a hit are left out; the last one shown is {}. Truth and march share f64, \
+             so its own rounding shows only where they differ. A footprint is a pixel's diameter at the hit. Values beyond the panel's ends \
              are drawn at its edge.",
             method_name(candidate.method),
             plain(candidate.fudge),

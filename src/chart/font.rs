@@ -42,32 +42,53 @@ pub fn width(text: &str, size: f64) -> f64 {
     lay_out(text).1 * size / EM
 }
 
-/// Strokes of a text in grid units, from x = 0; a size in pixels times 1/100 scales them. Characters without a glyph
-/// are boxes.
-pub fn strokes(text: &str) -> Vec<Stroke> {
+/// A glyph at its place.
+pub struct Placed {
+    /// Which.
+    pub glyph: char,
+    /// Its left edge, in grid units.
+    pub x: f64,
+    /// Scale and rise of raised text; 1 and 0 else.
+    pub raised: (f64, f64),
+}
+
+/// Glyphs of a text and where they stand.
+pub fn places(text: &str) -> Vec<Placed> {
     lay_out(text).0
 }
 
-fn lay_out(text: &str) -> (Vec<Stroke>, f64) {
-    let (mut strokes, mut x, mut end) = (Vec::new(), 0.0, 0.0);
-    let mut raised = false;
+/// Strokes of one glyph; characters without one are boxes.
+pub fn glyph_strokes(c: char) -> Vec<Stroke> {
+    parse(glyph(c).1)
+}
+
+/// Strokes of a text in grid units, from x = 0; a size in pixels times 1/100 scales them.
+pub fn strokes(text: &str) -> Vec<Stroke> {
+    let placed = places(text).into_iter();
+    placed
+        .flat_map(|p| glyph_strokes(p.glyph).into_iter().map(move |s| s.placed(p.raised.0, [p.x, p.raised.1])))
+        .collect()
+}
+
+fn lay_out(text: &str) -> (Vec<Placed>, f64) {
+    let (mut places, mut x, mut end) = (Vec::new(), 0.0, 0.0);
+    let mut is_raised = false;
     for c in text.chars() {
         if c == '^' {
-            raised = true;
+            is_raised = true;
             continue;
         }
-        raised &= c != ' ';
-        let (scale, rise) = if raised { RAISED } else { (1.0, 0.0) };
+        is_raised &= c != ' ';
+        let raised = if is_raised { RAISED } else { (1.0, 0.0) };
         if c == ' ' {
             x += SPACE;
             continue;
         }
-        let (width, path) = glyph(c);
-        strokes.extend(parse(path).into_iter().map(|s| s.placed(scale, [x, rise])));
-        end = x + width * scale;
-        x = end + GAP * scale;
+        places.push(Placed { glyph: c, x, raised });
+        end = x + glyph(c).0 * raised.0;
+        x = end + GAP * raised.0;
     }
-    (strokes, end)
+    (places, end)
 }
 
 fn glyph(c: char) -> (f64, &'static str) {

@@ -49,7 +49,7 @@ impl StepChart {
             Drawing::new(WIDTH, 620.0, format!("{}: error of finite differences against their step", self.formula));
         page.text(Text::new([MARGIN, 44.0], self.formula.clone(), 26.0).bold());
         page.text(Text::new([MARGIN, 70.0], "How far finite differences are off, and which steps h are usable", 15.0));
-        let edges = [92.0, 132.0, 930.0, 490.0];
+        let edges = [92.0, 146.0, 930.0, 500.0];
         let [left, top, right, bottom] = edges;
         let steps = &self.sizes.curves[0].errors;
         let panel = Panel {
@@ -68,7 +68,8 @@ impl StepChart {
         }
         let x = Words { title: "step h, world units".into(), label: plain };
         let y = Words { title: "error of the estimate relative to the exact gradient's".into(), label: percent };
-        panel.frame(&mut page, &x, &y, 13.0);
+        page.text(Text::new([MARGIN, 94.0], y.title.clone(), 13.0));
+        panel.frame(&mut page, &x, &Words { title: String::new(), ..y }, 13.0);
         self.marks(&mut page, &panel);
         for (i, curve) in self.sizes.curves.iter().enumerate() {
             let colour = target_colour(curve.target);
@@ -87,7 +88,7 @@ impl StepChart {
     fn window(&self, page: &mut Drawing, panel: &Panel, i: usize, count: usize) {
         let curve = &self.sizes.curves[i];
         let colour = target_colour(curve.target);
-        let y = panel.edges[3] - 18.0 - 24.0 * (count - 1 - i) as f64;
+        let y = panel.edges[3] - 16.0 - 30.0 * (count - 1 - i) as f64;
         let name = target_label(curve.target);
         match curve.window() {
             Some((from, to)) => {
@@ -100,7 +101,7 @@ impl StepChart {
                 let fits = a - 9.0 - text.width() > panel.edges[0];
                 page.text(match fits {
                     true => text.anchor(Anchor::End),
-                    false => Text { at: [b + 9.0, y + 4.5], ..text },
+                    false => Text { at: [(a + b) / 2.0, y - 8.0], anchor: Anchor::Middle, ..text },
                 });
             }
             None => {
@@ -116,7 +117,7 @@ impl StepChart {
         let y = panel.y.at(USABLE);
         page.dashes(&[[left, y], [right, y]], INK, 1.0, 3.0);
         let text = format!("usable: median within {}", percent(USABLE));
-        page.text(Text::new([left + 8.0, y - 6.0], text, 12.0).halo());
+        page.text(Text::new([right - 8.0, y - 6.0], text, 12.0).anchor(Anchor::End).halo());
         let marks = [
             (MIN_DIFFERENCE_F32, "least in f32"),
             (MIN_DIFFERENCE_F64, "least in f64"),

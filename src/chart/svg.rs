@@ -1,5 +1,6 @@
 //! SVG text. Coordinates have one decimal: charts are small files and lie well in a repository.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::io::Cursor;
 
@@ -18,6 +19,7 @@ pub fn svg(drawing: &Drawing) -> Result<String, String> {
          fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n<title>{}</title>\n",
         escape(&drawing.title)
     );
+    write_glyphs(&mut out, drawing);
     for item in &drawing.items {
         write_item(&mut out, item)?;
     }
@@ -87,7 +89,26 @@ fn write_item(out: &mut String, item: &Item) -> Result<(), String> {
     Ok(())
 }
 
-/// A text as one path in grid units, with the words for those who read them.
+/// Every glyph that is used, once.
+fn write_glyphs(out: &mut String, drawing: &Drawing) {
+    let mut used = BTreeSet::new();
+    for item in &drawing.items {
+        if let Item::Text(text) = item {
+            used.extend(font::places(&text.text).into_iter().map(|p| p.glyph));
+        }
+    }
+    out.push_str("<defs>");
+    for glyph in used {
+        let _ = write!(out, "<path id=\"{}\" d=\"{}\"/>", glyph_id(glyph), glyph_path(&font::glyph_strokes(glyph)));
+    }
+    out.push_str("</defs>\n");
+}
+
+fn glyph_id(glyph: char) -> String {
+    if glyph.is_ascii_alphabetic() { glyph.to_string() } else { format!("_{:x}", u32::from(glyph)) }
+}
+
+/// A text as a group of glyphs in grid units, with the words for those who have them read.
 fn write_text(out: &mut String, text: &Text) {
     let scale = text.size / 100.0;
     let [x, y] = text.at;
@@ -95,16 +116,29 @@ fn write_text(out: &mut String, text: &Text) {
         false => format!("translate({} {})", short(x - text.lead()), short(y)),
         true => format!("translate({} {})rotate(-90)", short(x), short(y + text.lead())),
     };
-    let d = glyph_path(&font::strokes(&text.text));
+    let glyphs: String = font::places(&text.text)
+        .iter()
+        .map(|p| match p.raised {
+            (1.0, _) => format!("<use href=\"#{}\" x=\"{}\"/>", glyph_id(p.glyph), p.x.round()),
+            (size, rise) => {
+                format!(
+                    "<use href=\"#{}\" transform=\"translate({} {})scale({size})\"/>",
+                    glyph_id(p.glyph),
+                    p.x.round(),
+                    -rise
+                )
+            }
+        })
+        .collect();
     let words = escape(&text.text.replace('^', ""));
     let pen = text.pen() / scale;
     let halo = match text.halo {
-        true => format!("<path d=\"{d}\" stroke=\"#fff\" stroke-width=\"{}\"/>", short(pen + 3.6 / scale)),
+        true => format!("<g stroke=\"#fff\" stroke-width=\"{}\">{glyphs}</g>", short(pen + 3.6 / scale)),
         false => String::new(),
     };
     let _ = writeln!(
         out,
-        "<g aria-label=\"{words}\" transform=\"{place}scale({})\" stroke=\"{}\" stroke-width=\"{}\">{halo}<path d=\"{d}\"/></g>",
+        "<g aria-label=\"{words}\" transform=\"{place}scale({})\" stroke=\"{}\" stroke-width=\"{}\">{halo}{glyphs}</g>",
         (scale * 1000.0).round() / 1000.0,
         hex(text.colour),
         short(pen)

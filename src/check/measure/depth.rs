@@ -48,10 +48,10 @@ impl Depths {
     /// exceeds it already.
     pub fn end_of(&self, target: Target) -> Option<f64> {
         let good = |errors: &&DepthErrors| {
-            errors.settled >= SETTLED
-                && errors.measured.iter().any(|(t, measured)| *t == target && measured.median_error <= GOOD)
+            errors.measured.iter().any(|(t, measured)| *t == target && measured.median_error <= GOOD)
         };
-        self.zooms.iter().take_while(good).last().map(|errors| errors.zoom)
+        let judged = self.zooms.iter().filter(|errors| errors.settled >= SETTLED);
+        judged.take_while(good).last().map(|errors| errors.zoom)
     }
 }
 
