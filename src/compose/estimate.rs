@@ -40,10 +40,14 @@ impl<'a> OrbitBuilder<'a> {
                 function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
                 function.output("de", self.distance(end.size, slope, n));
             }
-            Purpose::March | Purpose::Probe => {
+            Purpose::March | Purpose::Probe | Purpose::Decision => {
                 let slope = self.slope(&end, constants.h);
                 function.output("de", self.distance(end.size, slope, n));
             }
+        }
+        if let (Purpose::Decision, Method::Combined, Some(dr)) = (self.purpose, self.choice.method, end.dr) {
+            let gradient = self.gradient(&end, constants.h).map_or(arena.f(0.0), scaled_length);
+            function.output("part", dr.lt(gradient).select(arena.f(1.0), arena.f(0.0)));
         }
         if self.purpose == Purpose::Probe {
             function.output("r", end.z.length());

@@ -4,7 +4,7 @@ use super::orbit::compose_orbit;
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
-use crate::graph::{DeForm, NodeKind, NodeRef, OrbitSettings, Primitive, SphereForm};
+use crate::graph::{DeForm, Method, NodeKind, NodeRef, OrbitSettings, Primitive, SphereForm};
 use crate::kernel::{Estimator, EstimatorInputs};
 
 /// An orbit of the field, and where it stands.
@@ -43,6 +43,49 @@ fn collect(composer: &Composer, node: NodeRef, frame: &Frame, orbits: &mut Vec<F
         }
         _ => {}
     }
+}
+
+/// What an estimate can come from.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Decider {
+    /// Name of the orbit's or primitive's node.
+    pub node: String,
+    /// The method; of `combined` the one whose slope is the larger.
+    pub method: Method,
+    /// The form, where there is one.
+    pub form: Option<DeForm>,
+}
+
+/// What the numbers of [`Purpose::Decision`] stand for: two for each orbit (the second for the gradient of `combined`),
+/// then one for each primitive.
+pub fn deciders(composer: &Composer, choices: &[Choice]) -> Vec<Decider> {
+    let name = |node: NodeRef| composer.graph.node(node).name.clone();
+    let mut all = Vec::new();
+    for (orbit, choice) in field_orbits(composer).iter().zip(choices) {
+        let methods = match choice.method {
+            Method::Combined => [Method::Scalar, Method::Gradient],
+            method => [method; 2],
+        };
+        all.extend(methods.map(|method| Decider { node: name(orbit.root), method, form: Some(choice.form) }));
+    }
+    let own = |node| Decider { node: name(node), method: Method::Own, form: None };
+    all.extend(field_primitives(composer).into_iter().map(own));
+    all
+}
+
+/// Primitives of the graph's output, each once.
+fn field_primitives(composer: &Composer) -> Vec<NodeRef> {
+    let mut open = vec![composer.graph.output];
+    let mut found = Vec::new();
+    while let Some(node) = open.pop() {
+        match &composer.graph.node(node).kind {
+            NodeKind::Primitive(_) if !found.contains(&node) => found.push(node),
+            NodeKind::Transform { of, .. } => open.push(*of),
+            kind if !kind.is_map() => open.extend(kind.wires()),
+            _ => {}
+        }
+    }
+    found
 }
 
 /// Builds the estimator of the whole field. `choices` has one entry for each of [`field_orbits`].
@@ -92,6 +135,8 @@ struct FieldValue<'g> {
     /// For surfaces: unit gradient and traps.
     gradient: Option<Expr<'g>>,
     trap: Option<Expr<'g>>,
+    /// For decisions: number of the decider.
+    decider: Option<Expr<'g>>,
 }
 
 struct FieldBuilder<'a, 'g> {
@@ -123,13 +168,18 @@ impl<'g> FieldBuilder<'_, 'g> {
                 combine.output("r", first.map_or(arena.f(0.0), |leaf| leaf.outputs[1]));
                 combine.output("z", first.map_or(arena.constant(Type::V4, [0.0; 4]), |leaf| leaf.outputs[2]));
             }
+            Purpose::Decision => {
+                combine.output("de", value.d);
+                combine.output("inside", value.inside);
+                combine.output("decider", value.decider.unwrap_or_else(|| arena.f(0.0)));
+            }
         }
     }
 
     fn value(&self, node: NodeRef, frame: &Frame) -> FieldValue<'g> {
         match &self.composer.graph.node(node).kind {
             NodeKind::Orbit { .. } => self.orbit(node, frame),
-            NodeKind::Primitive(primitive) => self.primitive(primitive, frame),
+            NodeKind::Primitive(primitive) => self.primitive(node, primitive, frame),
             NodeKind::Transform { of, placement } => self.value(*of, &frame.inside(*placement)),
             NodeKind::Union(of) => self.fold(of, frame, |s, a, b| s.nearer(a, b, a.inside.or(b.inside))),
             NodeKind::Intersection(of) => self.fold(of, frame, |s, a, b| s.farther(a, b, a.inside.and(b.inside))),
@@ -171,10 +221,14 @@ impl<'g> FieldBuilder<'_, 'g> {
             DeForm::Plane => leaf.inside.and(de.le(EstimatorInputs::new(self.composer.arena).hit_eps)),
         };
         let shown = |at: usize| is_surface.then(|| leaf.outputs[at]);
-        FieldValue { d: inside.select(zero, de), inside, gradient: shown(0), trap: shown(1) }
+        let decider = (self.purpose == Purpose::Decision).then(|| {
+            let first = self.composer.arena.f(2.0 * i as f64);
+            leaf.outputs.get(1).map_or(first, |part| first + *part)
+        });
+        FieldValue { d: inside.select(zero, de), inside, gradient: shown(0), trap: shown(1), decider }
     }
 
-    fn primitive(&self, primitive: &Primitive, frame: &Frame) -> FieldValue<'g> {
+    fn primitive(&self, node: NodeRef, primitive: &Primitive, frame: &Frame) -> FieldValue<'g> {
         let arena = self.composer.arena;
         let EstimatorInputs { p, hit_eps, .. } = EstimatorInputs::new(arena);
         let d = signed_distance(primitive, frame.local_from_world(p)) * frame.scale();
@@ -190,23 +244,39 @@ impl<'g> FieldBuilder<'_, 'g> {
             _ => d,
         };
         let gradient = surface.then(|| Differentiator::by(arena, p).tangents(smooth)[0]);
-        FieldValue { d, inside: d.le(limit), gradient, trap: surface.then(|| arena.constant(Type::V4, [1e6; 4])) }
+        let decider = (self.purpose == Purpose::Decision).then(|| {
+            let k = field_primitives(self.composer).iter().position(|p| *p == node).unwrap_or(0);
+            arena.f((2 * self.specs.len() + k) as f64)
+        });
+        let trap = surface.then(|| arena.constant(Type::V4, [1e6; 4]));
+        FieldValue { d, inside: d.le(limit), gradient, trap, decider }
     }
 
-    fn pick(&self, first: Expr<'g>, a: FieldValue<'g>, b: FieldValue<'g>) -> (Option<Expr<'g>>, Option<Expr<'g>>) {
-        let gradient = a.gradient.zip(b.gradient).map(|(a, b)| first.select(a, b));
-        let trap = a.trap.zip(b.trap).map(|(a, b)| first.select(a, b));
-        (gradient, trap)
+    /// The first field where the condition holds, with another distance and membership.
+    fn pick(
+        &self,
+        first: Expr<'g>,
+        a: FieldValue<'g>,
+        b: FieldValue<'g>,
+        d: Expr<'g>,
+        inside: Expr<'g>,
+    ) -> FieldValue<'g> {
+        let pick = |a: Option<Expr<'g>>, b: Option<Expr<'g>>| a.zip(b).map(|(a, b)| first.select(a, b));
+        FieldValue {
+            d,
+            inside,
+            gradient: pick(a.gradient, b.gradient),
+            trap: pick(a.trap, b.trap),
+            decider: pick(a.decider, b.decider),
+        }
     }
 
     fn nearer(&self, a: FieldValue<'g>, b: FieldValue<'g>, inside: Expr<'g>) -> FieldValue<'g> {
-        let (gradient, trap) = self.pick(a.d.le(b.d), a, b);
-        FieldValue { d: a.d.min(b.d), inside, gradient, trap }
+        self.pick(a.d.le(b.d), a, b, a.d.min(b.d), inside)
     }
 
     fn farther(&self, a: FieldValue<'g>, b: FieldValue<'g>, inside: Expr<'g>) -> FieldValue<'g> {
-        let (gradient, trap) = self.pick(b.d.le(a.d), a, b);
-        FieldValue { d: a.d.max(b.d), inside, gradient, trap }
+        self.pick(b.d.le(a.d), a, b, a.d.max(b.d), inside)
     }
 
     /// The polynomial smooth minimum: at most a quarter of the radius below the smaller one, with slope 1 (Quilez).
@@ -218,12 +288,8 @@ impl<'g> FieldBuilder<'_, 'g> {
         let share = overlap * 0.5;
         let near_a = a.d.le(b.d);
         let blend = |a: Expr<'g>, b: Expr<'g>| near_a.select(a.mix(b, share), b.mix(a, share));
-        FieldValue {
-            d,
-            inside,
-            gradient: a.gradient.zip(b.gradient).map(|(a, b)| blend(a, b)),
-            trap: a.trap.zip(b.trap).map(|(a, b)| near_a.select(a, b)),
-        }
+        let gradient = a.gradient.zip(b.gradient).map(|(a, b)| blend(a, b));
+        FieldValue { gradient, ..self.pick(near_a, a, b, d, inside) }
     }
 }
 

@@ -13,7 +13,7 @@ mod orbit;
 pub mod placement;
 
 pub use choose::{Choice, Plan, choose};
-pub use field::{FieldOrbit, compose_estimator, field_orbits};
+pub use field::{Decider, FieldOrbit, compose_estimator, deciders, field_orbits};
 pub use orbit::{compose_growth, scalar_rules};
 
 use std::rc::Rc;
@@ -33,6 +33,8 @@ pub enum Purpose {
     Surface,
     /// `de, inside, n, r, z: vec4`; `r` and `z` of the first orbit.
     Probe,
+    /// `de, inside, decider`: the number of what the estimate came from, as [`deciders`] lists it.
+    Decision,
 }
 
 /// What every part of the composer needs.
