@@ -40,5 +40,8 @@ pub mod kernel;
 pub mod load;
 pub mod march;
 pub mod math;
+pub mod precision;
 pub mod render;
 pub mod shade;
+#[cfg(feature = "chart")]
+pub mod view;

@@ -14,11 +14,11 @@ mod scale;
 pub mod step_size;
 mod svg;
 
-pub use drawing::Drawing;
+pub use drawing::{Anchor, Colour, Drawing, GREY, INK, Item, PAPER, Text};
 pub use raster::raster;
 pub use svg::svg;
 
-use self::drawing::{Colour, GREY, Point, Text};
+use self::drawing::Point;
 use crate::check::Target;
 use crate::graph::Method;
 

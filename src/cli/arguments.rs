@@ -27,7 +27,37 @@ pub enum PrecisionArg {
     F64,
 }
 
+/// Precision of a picture.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum PicturePrecision {
+    /// Single where the view's pixels are coarse enough for it, else double.
+    Auto,
+    /// Single precision, many rays at a time.
+    F32,
+    /// Double precision, on the CPU.
+    F64,
+}
+
+impl PicturePrecision {
+    /// What was asked for; nothing with `auto`.
+    pub fn given(self) -> Option<PrecisionArg> {
+        match self {
+            PicturePrecision::Auto => None,
+            PicturePrecision::F32 => Some(PrecisionArg::F32),
+            PicturePrecision::F64 => Some(PrecisionArg::F64),
+        }
+    }
+}
+
 impl PrecisionArg {
+    /// The name in flags.
+    pub fn name(self) -> &'static str {
+        match self {
+            PrecisionArg::F32 => "f32",
+            PrecisionArg::F64 => "f64",
+        }
+    }
+
     /// The CPU's precision.
     pub fn cpu(self) -> Precision {
         match self {

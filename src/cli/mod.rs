@@ -24,6 +24,8 @@ mod session;
 mod stats;
 mod test;
 mod truth;
+#[cfg(feature = "chart")]
+mod view;
 
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;

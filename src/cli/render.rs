@@ -3,20 +3,25 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+#[cfg(feature = "chart")]
+use std::time::Instant;
 
 use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
 use bulbfold::film::Image;
 use bulbfold::graph::{Camera, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError};
+use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
 use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_pipeline};
 use bulbfold::shade::{self, Size};
 use clap::Args;
 
-use super::arguments::{BackendArg, EstimateArgs, FormulaArgs, PrecisionArg, parse_fov, parse_size, parse_vector};
+use super::arguments::{BackendArg, EstimateArgs, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector};
 use super::backend::{Job, Wanted, run_job};
 use super::progress::{Progress, short};
 use super::session::{check_output, talk};
+#[cfg(feature = "chart")]
+use super::view::{self, Request, ViewArg};
 use super::{Failure, Outcome, Session, message, stats, usage};
 
 /// Arguments of `render`.
@@ -25,29 +30,34 @@ use super::{Failure, Outcome, Session, message, stats, usage};
 Examples:
   bulbfold render mandelbulb
   bulbfold render mandelbox.ron -o box.png --size 1920x1080 --samples 3 --stats
-  bulbfold render mandelbulb --set power=6 --camera 1.5,-2,1 --fov 30 -o close.png")]
+  bulbfold render mandelbulb --set power=6 --camera 1.5,-2,1 --fov 30 -o close.png
+  bulbfold render box_bulb --view error --stats -o box_bulb_error.png")]
 pub struct Arguments {
     #[command(flatten)]
     formula: FormulaArgs,
     /// The picture to write [default: NAME.png]
     #[arg(short, long, value_name = "OUT.png")]
     output: Option<PathBuf>,
-    /// Columns and rows
-    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
-    size: Size,
+    /// Columns and rows [default: 1280x720]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<Size>,
+    /// Show what the march did instead, with a legend below the picture
+    #[cfg(feature = "chart")]
+    #[arg(long, value_enum, value_name = "VIEW", conflicts_with_all = ["samples", "json"])]
+    view: Option<ViewArg>,
     /// Samples along each edge of a pixel: 1 is fastest, 2 takes 4 a pixel, 3 takes 9
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     samples: u32,
     /// Where to compute
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
-    /// Precision; f64 is slower and runs on the CPU [default: f32]
-    #[arg(long, value_enum)]
-    precision: Option<PrecisionArg>,
+    /// Precision; f64 is slower and runs on the CPU
+    #[arg(long, value_enum, default_value_t = PicturePrecision::Auto)]
+    precision: PicturePrecision,
     #[command(flatten)]
     estimate: EstimateArgs,
     #[command(flatten)]
-    view: ViewArgs,
+    camera: CameraArgs,
     /// Print what was chosen and counted, to stderr
     #[arg(long)]
     stats: bool,
@@ -62,9 +72,22 @@ pub struct Arguments {
     quiet: bool,
 }
 
+/// Size of a picture where none is given.
+pub(super) const DEFAULT_SIZE: Size = Size { width: 1280, height: 720 };
+
+impl Arguments {
+    fn default_size(&self) -> Size {
+        #[cfg(feature = "chart")]
+        if let Some(view) = self.view {
+            return view.default_size();
+        }
+        DEFAULT_SIZE
+    }
+}
+
 /// What replaces parts of the file's camera.
 #[derive(Args, Clone, Copy, Debug)]
-struct ViewArgs {
+struct CameraArgs {
     /// Position of the camera, in world units
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_vector)]
     camera: Option<[f64; 3]>,
@@ -79,7 +102,7 @@ struct ViewArgs {
     fov: Option<f64>,
 }
 
-impl ViewArgs {
+impl CameraArgs {
     fn is_empty(&self) -> bool {
         self.camera.is_none() && self.target.is_none() && self.up.is_none() && self.fov.is_none()
     }
@@ -105,30 +128,55 @@ impl ViewArgs {
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     let output = output_path(arguments);
     check_output(&output, Some("png"))?;
-    let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
-    let precision = wanted.precision(PrecisionArg::F32)?;
+    let wanted = Wanted { backend: arguments.backend, precision: arguments.precision.given() };
+    let asked = wanted.precision(PrecisionArg::F32)?;
     if let Some(threads) = arguments.threads {
         // Fails only when threads are running already, and then the number stays what it was.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
     }
     let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
-    let settings = RenderSettings {
-        size: arguments.size,
+    let mut settings = RenderSettings {
+        size: arguments.size.unwrap_or_else(|| arguments.default_size()),
         samples: arguments.samples,
-        min_difference: precision.min_difference(),
+        min_difference: asked.min_difference(),
         estimate: arguments.estimate.settings(),
         ..RenderSettings::default()
     };
     let arena = Rc::new(Arena::default());
-    let pipeline = compose(session, &arena, &graph, &settings, &arguments.view)?;
+    let mut pipeline = compose(session, &arena, &graph, &settings, &arguments.camera)?;
+    let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
+    let resolution = resolution(&composer, &pipeline, settings.size);
+    let precision = settle_precision(session, arguments, asked, &resolution);
+    if precision != asked {
+        settings.min_difference = precision.min_difference();
+        pipeline = compose(session, &arena, &graph, &settings, &arguments.camera)?;
+    }
     for warning in &pipeline.plan.warnings {
         session.warn(warning);
     }
+    #[cfg(feature = "chart")]
+    if let Some(ViewArg(view)) = arguments.view {
+        let request = Request {
+            view,
+            composer,
+            pipeline: &pipeline,
+            settings: &settings,
+            backend: arguments.backend,
+            precision,
+            quiet: arguments.quiet,
+            stats: arguments.stats,
+        };
+        let start = Instant::now();
+        let image = view::render(session, &request)?;
+        write_picture(&image, &output)?;
+        if !arguments.quiet {
+            talk(&format!("{} ({})", output.display(), short(start.elapsed())));
+        }
+        return Ok(());
+    }
     let mut job = RenderJob { arena: &arena, pipeline: &pipeline, settings: &settings, quiet: arguments.quiet };
     let (backend, (image, stats)) = run_job(session, arguments.backend, precision, &mut job)?;
-    image
-        .write_png(&output)
-        .map_err(|error| Failure::Work(message(&format!("cannot write {}: {error}", output.display()), "")))?;
+    write_picture(&image, &output)?;
     let report = stats::Report {
         fractal: &graph.name,
         backend: &backend,
@@ -148,6 +196,50 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     Ok(())
 }
 
+/// The precision of the picture, with a word where the view is too close for one.
+fn settle_precision(
+    session: &Session,
+    arguments: &Arguments,
+    asked: PrecisionArg,
+    resolution: &Resolution,
+) -> PrecisionArg {
+    let ulps = |precision: PrecisionArg| resolution.ulps(precision.cpu());
+    let fits = |precision: PrecisionArg| resolution.fits(precision.cpu());
+    let grain = |precision: PrecisionArg| {
+        format!(
+            "a pixel spans {:.2} units of the last place of {} and should span {LEAST_ULPS}",
+            ulps(precision),
+            precision.name()
+        )
+    };
+    if asked == PrecisionArg::F32 && !fits(asked) {
+        let (is_auto, is_gpu) = (arguments.precision == PicturePrecision::Auto, arguments.backend == BackendArg::Gpu);
+        let text = format!("this view is too close for f32: {}", grain(asked));
+        match (is_auto, is_gpu) {
+            (true, false) if !arguments.quiet => talk(&format!("{text}; the CPU takes it in f64")),
+            (true, false) => {}
+            (_, true) => session.warn(&format!("{text}; `--backend auto` takes the CPU, which has f64")),
+            (false, false) => session.warn(&format!("{text}; `--precision auto` takes f64")),
+        }
+        if is_auto && !is_gpu {
+            return settle_precision(session, arguments, PrecisionArg::F64, resolution);
+        }
+    }
+    if asked == PrecisionArg::F64 && !fits(asked) {
+        let times = (1.0 / resolution.room(asked.cpu())).max(1.0);
+        session.warn(&format!(
+            "this view is too close for f64: {}; the picture will show steps of rounding. Go {times:.1} times farther away",
+            grain(asked)
+        ));
+    }
+    asked
+}
+
+fn write_picture(image: &Image, output: &Path) -> Outcome {
+    let result = image.write_png(output);
+    result.map_err(|error| Failure::Work(message(&format!("cannot write {}: {error}", output.display()), "")))
+}
+
 /// The picture's path: what was given, else the formula's name in the current folder.
 fn output_path(arguments: &Arguments) -> PathBuf {
     arguments.output.clone().unwrap_or_else(|| {
@@ -163,7 +255,7 @@ fn compose(
     arena: &Rc<Arena>,
     graph: &ValidGraph,
     settings: &RenderSettings,
-    view: &ViewArgs,
+    view: &CameraArgs,
 ) -> Result<Pipeline, Failure> {
     let composer = Composer { arena, library: &session.library, graph };
     let compose =

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use bulbfold::compose::{Choice, Plan};
 use bulbfold::render::{Pipeline, RenderSettings, Stats};
 use serde_json::{Value, json};
 
@@ -79,13 +80,8 @@ impl Report<'_> {
             let _ = writeln!(text, "{name:<20} {value}");
         };
         row("back end", self.backend.to_string());
-        for (i, choice) in plan.choices.iter().enumerate() {
-            let radius = if choice.radius > 0.0 { format!(", radius {:.4}", choice.radius) } else { String::new() };
-            let name = if plan.choices.len() == 1 { "estimate".to_string() } else { format!("estimate {}", i + 1) };
-            row(&name, format!("{}, {}{radius}: {}", choice.method.name(), choice.form.name(), choice.reason));
-        }
-        if plan.choices.is_empty() {
-            row("estimate", "own: primitives know their distance".into());
+        for (name, value) in estimate_rows(plan) {
+            row(&name, value);
         }
         row("fudge", plan.fudge.to_string());
         row("bounding radius", format!("{:.4}", plan.bounding_radius));
@@ -106,6 +102,19 @@ impl Report<'_> {
         row("render time", format!("{:.3} s", stats.render.as_secs_f64()));
         text
     }
+}
+
+/// What was chosen for each orbit: a name and the choice with its reason.
+pub fn estimate_rows(plan: &Plan) -> Vec<(String, String)> {
+    if plan.choices.is_empty() {
+        return vec![("estimate".into(), "own: primitives know their distance".into())];
+    }
+    let row = |(i, choice): (usize, &Choice)| {
+        let radius = if choice.radius > 0.0 { format!(", radius {:.4}", choice.radius) } else { String::new() };
+        let name = if plan.choices.len() == 1 { "estimate".to_string() } else { format!("estimate {}", i + 1) };
+        (name, format!("{}, {}{radius}: {}", choice.method.name(), choice.form.name(), choice.reason))
+    };
+    plan.choices.iter().enumerate().map(row).collect()
 }
 
 /// A quotient that is 0 where there is nothing to divide by.

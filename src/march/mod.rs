@@ -164,3 +164,15 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     function.output("status", status);
     function
 }
+
+/// The same march without bisection: a hit stays where the step that crossed the surface landed, so that `t_inside` says how
+/// far it went.
+pub fn stop_at_crossing(arena: &Arena, march: &March) -> March {
+    let mut advance = march.advance.clone();
+    let output = |name: &str| advance.outputs.iter().position(|(port, _)| port.name == name);
+    let [t_inside, status] = ["t_inside", "status"].map(|name| output(name).expect("a port of the march's state"));
+    let node = |at: usize| arena.expr(advance.outputs[at].1);
+    let crossed = arena.f(0.0).le(node(t_inside));
+    advance.outputs[status].1 = crossed.select(arena.f(Status::Hit.code()), node(status)).id;
+    March { advance, ..march.clone() }
+}

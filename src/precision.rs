@@ -1,0 +1,95 @@
+//! Which precision a view needs: how many units of the last place lie between two pixels.
+//!
+//! In comes a [`Pipeline`]; a few of its rays are marched in f64, and out comes the [`Resolution`] of the view: its
+//! footprints against the spacing of numbers where the rays hit. A footprint is a pixel's diameter at the hit.
+
+use crate::compose::Composer;
+use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::{Backend, BackendError, Status, march_output_ports};
+use crate::render::Pipeline;
+use crate::shade::Size;
+
+/// Columns and rows of the rays that are marched.
+const GRID: (u32, u32) = (24, 14);
+/// The hit that decides is the nearest but this share: single pixels may stay coarse.
+const SHARE: f64 = 0.1;
+
+/// Least footprint in units of the last place of the larger of the hit's coordinates and depth: below it, depths are wrong
+/// by more than half a footprint at the median. Measured (docs/precision.md).
+pub const LEAST_ULPS: f64 = 16.0;
+
+/// Significant bits of a number.
+fn bits(precision: Precision) -> i32 {
+    match precision {
+        Precision::F32 => f32::MANTISSA_DIGITS as i32,
+        Precision::F64 => f64::MANTISSA_DIGITS as i32,
+    }
+}
+
+/// The unit of the last place of numbers of this size.
+pub fn ulp(size: f64, precision: Precision) -> f64 {
+    if size > 0.0 && size.is_finite() { (size.log2().floor() + 1.0 - f64::from(bits(precision))).exp2() } else { 0.0 }
+}
+
+/// How fine a view is.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Resolution {
+    /// Footprint of the near hits, in world units.
+    pub footprint: f64,
+    /// Size of the numbers there: the larger of coordinates and depth.
+    pub size: f64,
+}
+
+impl Resolution {
+    /// The footprint in units of the last place.
+    pub fn ulps(&self, precision: Precision) -> f64 {
+        self.footprint / ulp(self.size, precision)
+    }
+
+    /// Whether a precision can tell the view's pixels apart.
+    pub fn fits(&self, precision: Precision) -> bool {
+        self.ulps(precision) >= LEAST_ULPS
+    }
+
+    /// How many times closer a precision can go at this place.
+    pub fn room(&self, precision: Precision) -> f64 {
+        self.ulps(precision) / LEAST_ULPS
+    }
+}
+
+/// Measures a view by a few hundred rays, marched in f64. Where none of them hits, the camera's target stands in.
+pub fn resolution(composer: &Composer, pipeline: &Pipeline, size: Size) -> Resolution {
+    let hits = march(composer, pipeline, size).expect("the CPU runs every kernel");
+    let at = |t: f64, p: [f64; 3]| Resolution {
+        footprint: 2.0 * pipeline.pixel_radius * t,
+        size: p.iter().fold(t, |most, x| most.max(x.abs())),
+    };
+    let mut all: Vec<Resolution> = hits.into_iter().map(|(t, p)| at(t, p)).collect();
+    all.sort_by(|a, b| a.ulps(Precision::F64).total_cmp(&b.ulps(Precision::F64)));
+    let target = pipeline.camera.target;
+    let distance = (glam::DVec3::from(target) - glam::DVec3::from(pipeline.camera.position)).length();
+    all.get((all.len() as f64 * SHARE) as usize).copied().unwrap_or_else(|| at(distance, target))
+}
+
+/// Depths and points of the hits of an even grid of pixels.
+fn march(composer: &Composer, pipeline: &Pipeline, size: Size) -> Result<Vec<(f64, [f64; 3])>, BackendError> {
+    let (columns, rows) = (GRID.0.min(size.width), GRID.1.min(size.height));
+    let place = |i: u32, of: u32, edge: u32| (f64::from(i) + 0.5) / f64::from(of) * f64::from(edge);
+    let grid = || (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
+    let x = grid().map(|(i, _)| place(i, columns, size.width)).collect();
+    let y = grid().map(|(_, j)| place(j, rows, size.height)).collect();
+    let cpu = Cpu::new(Precision::F64);
+    let camera = cpu.prepare(composer.arena, &pipeline.camera_kernel)?;
+    let kernel = cpu.prepare(composer.arena, &pipeline.march)?;
+    let rays = cpu.run(&camera, &[&cpu.upload(&[x, y])?])?;
+    let out = cpu.download(&cpu.run(&kernel, &[&rays])?)?;
+    let rays = cpu.download(&rays)?;
+    let ports = march_output_ports();
+    let column = |name: &str| &out[ports.iter().position(|p| p.name == name).expect("a port of the march")];
+    let (t, status) = (column("t"), column("status"));
+    let hit = |i: usize| {
+        let is_hit = Status::from_code(status[i]) == Status::Hit;
+        is_hit.then(|| (t[i], [0, 1, 2].map(|k| rays[k][i] + rays[3 + k][i] * t[i])))
+    };
+    Ok((0..t.len()).filter_map(hit).collect())
+}
