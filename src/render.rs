@@ -104,7 +104,7 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
         pixel_radius,
         camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, radius)),
         march: Kernel::March(compose_march(arena, estimator, &march)),
-        surface_point: Kernel::Map(shade::compose_surface_point(arena, march.pixel_radius)),
+        surface_point: Kernel::Map(shade::compose_surface_point(arena, march.pixel_radius, settings.min_difference)),
         surface: Kernel::Estimate(compose_estimator(composer, choices, Purpose::Surface)?),
         shadow_ray: look
             .shadows

@@ -147,7 +147,9 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let usable = zero.le(de).select(de, zero);
     let forward = ray.t + (usable * settings.fudge).max(hit_eps * WALK);
     let middle = (t_inside + t_outside) * 0.5;
-    let narrow = (t_inside - t_outside).le(hit_eps * BISECTION);
+    // Far in, there is no number between the ends long before they are that close.
+    let is_end = middle.le(t_outside).or(t_inside.le(middle));
+    let narrow = (t_inside - t_outside).le(hit_eps * BISECTION).or(is_end);
     let hit = crossed.and(narrow.or(started_inside));
     let miss = (!crossed).and(ray.t_far.le(forward));
     let code = |status: Status| arena.f(status.code());

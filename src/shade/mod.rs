@@ -94,7 +94,9 @@ fn sphere_range<'g>(origin: Expr<'g>, direction: Expr<'g>, radius: f64) -> (Expr
 
 /// Rays and march results to the points where surfaces are looked at: a hit threshold in front of the hit, so that
 /// normals are those of features about as large as a pixel. Other pixels get a negative `hit_eps`.
-pub fn compose_surface_point(arena: &Arena, pixel_radius: f64) -> Function {
+///
+/// `min_difference` is the least step of finite differences, as marches take it.
+pub fn compose_surface_point(arena: &Arena, pixel_radius: f64, min_difference: f64) -> Function {
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
     let mut function = Function::new("surface_point", ports);
@@ -103,7 +105,7 @@ pub fn compose_surface_point(arena: &Arena, pixel_radius: f64) -> Function {
     let t = ray.front(hit_eps);
     function.output("p", ray.origin + ray.direction * t);
     function.output("d", ray.direction);
-    function.output("h", (hit_eps * 0.1).max(ray.t * 1e-6 + 1e-5));
+    function.output("h", (hit_eps * 0.1).max((ray.t * 0.1 + 1.0) * min_difference));
     function.output("hit_eps", ray.is_hit.select(hit_eps, arena.f(-1.0)));
     function
 }

@@ -119,6 +119,7 @@ fn round(value: f64) -> f64 {
 /// A share as a percentage.
 fn share(share: f64) -> String {
     match 100.0 * share {
+        percent if percent < 0.01 => "< 0.01 %".into(),
         percent if percent < 0.1 => format!("{percent:.2} %"),
         percent if percent < 10.0 => format!("{percent:.1} %"),
         percent => format!("{percent:.0} %"),
