@@ -151,7 +151,8 @@ impl<'a> OrbitBuilder<'a> {
     fn distance(&self, size: Expr<'a>, slope: Expr<'a>, n: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
         let zero = arena.f(0.0);
-        let tiny = arena.f(1e-30);
+        // What guards of poles leave of a slope of 0 is below this too.
+        let tiny = arena.f(1e-20);
         let known = slope.max(tiny);
         let logarithmic = || size * size.ln() * 0.5 / known;
         let d = match (self.choice.method, self.choice.form) {
@@ -163,7 +164,8 @@ impl<'a> OrbitBuilder<'a> {
         };
         let nan = (-slope.abs() - 1.0).sqrt();
         let finite = d.lt(arena.f(1e30)).select(d.lt(zero).select(zero, d), nan);
-        tiny.lt(slope).select(finite, slope)
+        // A norm may lose NaN and be 0; the size does not.
+        tiny.lt(slope).select(finite, size.lt(arena.f(1e38)).select(slope, nan))
     }
 
     /// e^-G sinh G / G = (1 - e^-2G) / 2G, from 1 near the set to 0 far away; G = ln r / power^n.
