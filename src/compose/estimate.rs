@@ -151,8 +151,7 @@ impl<'a> OrbitBuilder<'a> {
     fn distance(&self, size: Expr<'a>, slope: Expr<'a>, n: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
         let zero = arena.f(0.0);
-        // What guards of poles leave of a slope of 0 is below this too.
-        let tiny = arena.f(1e-20);
+        let tiny = arena.f(1e-30);
         let known = slope.max(tiny);
         let logarithmic = || size * size.ln() * 0.5 / known;
         let d = match (self.choice.method, self.choice.form) {
