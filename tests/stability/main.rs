@@ -110,8 +110,8 @@ rows! {
         "A step that gives NaN for some points.",
         "NaN counts as escaped, rays that met one are counted, no pixel is NaN, and the set behind is where it is.";
     pictures::infinity_is_counted:
-        "A step whose derivative is infinite.",
-        "No pixel is NaN or infinite; rays that met one are counted.";
+        "A step that overflows for some points.",
+        "Infinity counts as escaped, rays that met one are counted, no pixel is NaN, and the set behind is where it is.";
 }
 
 /// The page that the rows make.
