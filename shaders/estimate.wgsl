@@ -6,7 +6,7 @@ struct Estimate {
     iterations: f32,
 }
 
-fn estimate(p: vec3<f32>, h: f32, hit_eps: f32) -> Estimate {
+fn estimate(p: vec3<f32>, d: vec3<f32>, h: f32, hit_eps: f32) -> Estimate {
     $ORBITS
     return Estimate($COMBINE($RESULTS), $ITERATIONS);
 }

@@ -6,7 +6,7 @@ fn estimates(@builtin(global_invocation_id) id: vec3<u32>) {
     if i >= call.end {
         return;
     }
-    if !(load(4u, i) >= 0.0) {
+    if !(load($HIT_EPSu, i) >= 0.0) {
         for (var column = 0u; column < $COLUMNSu; column++) {
             store(column, i, 0.0);
         }

@@ -53,7 +53,7 @@ fn march(@builtin(global_invocation_id) id: vec3<u32>) {
     var nans = 0u;
     while steps < call.slice && state.status == 0.0 {
         let at = $LOCATE($LOCATE_ARGUMENTS);
-        let estimated = estimate(at.p, at.h, at.hit_eps);
+        let estimated = estimate(at.p, at.d, at.h, at.hit_eps);
         state = $ADVANCE($ADVANCE_ARGUMENTS);
         steps++;
         iterations += estimated.iterations;

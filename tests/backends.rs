@@ -134,15 +134,14 @@ fn sphere_has_exact_depth_on_every_back_end() {
 #[test]
 fn sphere_has_exact_normals() {
     use bulbfold::compose::{Purpose, compose_estimator};
-    use bulbfold::kernel::Kernel;
+    use bulbfold::kernel::{Estimator, Kernel};
     let formula = formula(r#"(nodes: { "ball": Sphere(radius: 0.75) })"#);
     let subject = formula.subject();
     let estimator = compose_estimator(&subject.composer(), &subject.plan.choices, Purpose::Surface);
     let kernel = Kernel::Estimate(estimator.unwrap_or_else(|e| panic!("{}", e.message)));
     let backends = backends();
     let points = points(50, 0.7, 0.8);
-    let mut columns: Vec<Vec<f64>> = (0..3).map(|i| points.iter().map(|p| p[i]).collect()).collect();
-    columns.extend([vec![1e-4; points.len()], vec![1e-4; points.len()]]);
+    let columns = Estimator::columns(&points, &[[1.0, 0.0, 0.0]], &[1e-4], 1e-4);
     for target in backends.targets() {
         let out = backends.run(target, subject.arena, &kernel, &columns).unwrap();
         for (k, p) in points.iter().enumerate() {

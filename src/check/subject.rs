@@ -7,7 +7,7 @@ use crate::compose::{Choice, ComposeResult, Composer, Plan, Purpose, choose, com
 use crate::expr::Arena;
 use crate::formula::library::Library;
 use crate::graph::{EstimateSettings, Method, ValidGraph};
-use crate::kernel::{BackendError, Kernel, Status, march_output_ports};
+use crate::kernel::{BackendError, Estimator, Kernel, Status, inwards, march_output_ports};
 use crate::march::{MarchSettings, compose_march};
 
 /// Escape radius of orbits that must not be stopped. Its square is still a number in single precision.
@@ -29,12 +29,9 @@ pub struct Subject<'a> {
     pub plan: Plan,
 }
 
-/// Points as the five input columns of an estimator.
+/// Points as input columns of an estimator, each seen along the ray towards the origin.
 pub(super) fn estimator_columns(points: &[[f64; 3]], h: &[f64], hit_eps: f64) -> Vec<Vec<f64>> {
-    let mut columns: Vec<Vec<f64>> = (0..3).map(|i| points.iter().map(|p| p[i]).collect()).collect();
-    columns.push(h.to_vec());
-    columns.push(vec![hit_eps; points.len()]);
-    columns
+    Estimator::columns(points, &points.iter().map(inwards).collect::<Vec<_>>(), h, hit_eps)
 }
 
 impl<'a> Subject<'a> {

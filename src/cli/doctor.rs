@@ -7,7 +7,7 @@ use bulbfold::compose::{Composer, Purpose, choose, compose_estimator};
 use bulbfold::expr::Arena;
 use bulbfold::graph::EstimateSettings;
 use bulbfold::kernel::cpu::{Cpu, Precision};
-use bulbfold::kernel::{BackendError, Kernel};
+use bulbfold::kernel::{BackendError, Estimator, Kernel, inwards};
 use clap::Args;
 
 use super::backend::{adapter_lines, run_everywhere};
@@ -90,18 +90,11 @@ fn compare(session: &mut Session, name: &str) -> Result<Vec<Verdict>, Failure> {
 
 /// Points through the ball, without order, the same on every machine (R3 sequence, Roberts 2018).
 fn probe_set(radius: f64) -> Vec<Vec<f64>> {
-    let mut columns = vec![Vec::new(); 3];
-    for i in 0..POINTS {
-        for (column, step) in
-            columns.iter_mut().zip([0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2])
-        {
-            let unit = (0.5 + step * (i + 1) as f64).fract();
-            column.push((2.0 * unit - 1.0) * radius);
-        }
-    }
-    columns.push(vec![1e-3 * radius; POINTS]);
-    columns.push(vec![0.0; POINTS]);
-    columns
+    let steps = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2];
+    let coordinate = |i: usize, step: f64| (2.0 * (0.5 + step * (i + 1) as f64).fract() - 1.0) * radius;
+    let points: Vec<[f64; 3]> = (0..POINTS).map(|i| steps.map(|step| coordinate(i, step))).collect();
+    let directions: Vec<[f64; 3]> = points.iter().map(inwards).collect();
+    Estimator::columns(&points, &directions, &[1e-3 * radius], 0.0)
 }
 
 fn judge(reference: &[Vec<f64>], result: Result<Vec<Vec<f64>>, BackendError>) -> Result<String, String> {

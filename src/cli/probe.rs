@@ -7,7 +7,7 @@ use std::rc::Rc;
 use bulbfold::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator};
 use bulbfold::expr::Arena;
 use bulbfold::graph::{Method, ValidGraph};
-use bulbfold::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use bulbfold::kernel::{Backend, BackendError, Estimator, Kernel, Status, inwards, march_output_ports};
 use bulbfold::march::{MarchSettings, compose_march};
 use clap::{ArgGroup, Args};
 use serde_json::{Map, Value, json};
@@ -208,9 +208,8 @@ impl Probe<'_> {
             choices.iter().map(|c| Choice { method: method.unwrap_or(c.method), ..c.clone() }).collect();
         let estimator = compose_estimator(&self.composer(), &choices, Purpose::Probe);
         let kernel = Kernel::Estimate(estimator.map_err(|diagnostic| self.session.failure(diagnostic))?);
-        let mut columns: Vec<Vec<f64>> = (0..3).map(|k| points.iter().map(|p| p[k]).collect()).collect();
-        columns.push(steps.to_vec());
-        columns.push(vec![0.0; points.len()]);
+        let directions: Vec<[f64; 3]> = points.iter().map(inwards).collect();
+        let columns = Estimator::columns(points, &directions, steps, 0.0);
         self.job(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })
     }
 }

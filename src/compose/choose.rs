@@ -6,7 +6,7 @@ use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
 use crate::graph::{DeForm, EstimateSettings, Method, NodeKind, NodeRef, Primitive};
 use crate::kernel::cpu::{Cpu, Precision};
-use crate::kernel::{Backend, Kernel};
+use crate::kernel::{Backend, Estimator, Kernel, inwards};
 
 /// How distances are estimated from one orbit.
 #[derive(Clone, PartialEq, Debug)]
@@ -238,9 +238,8 @@ fn outermost_member(cpu: &Cpu, composer: &Composer, membership: &Kernel) -> Opti
     let mut radius = 40.0;
     for shell in 0..90 {
         let points = directions(600, f64::from(shell));
-        let mut columns: Vec<Vec<f64>> = (0..3).map(|i| points.iter().map(|p| p[i] * radius).collect()).collect();
-        columns.push(vec![1e-4; points.len()]);
-        columns.push(vec![0.0; points.len()]);
+        let points: Vec<[f64; 3]> = points.iter().map(|p| p.map(|x| x * radius)).collect();
+        let columns = Estimator::columns(&points, &points.iter().map(inwards).collect::<Vec<_>>(), &[1e-4], 0.0);
         let inside = run_f64(cpu, composer, membership, &columns).swap_remove(0);
         if inside.iter().any(|&i| i > 0.5) {
             return Some(radius * ratio * ratio);

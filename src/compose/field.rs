@@ -5,7 +5,7 @@ use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
 use crate::graph::{NodeKind, NodeRef, OrbitSettings, Primitive, SphereForm};
-use crate::kernel::Estimator;
+use crate::kernel::{Estimator, EstimatorInputs};
 
 /// An orbit of the field, and where it stands.
 #[derive(Clone)]
@@ -169,8 +169,7 @@ impl<'g> FieldBuilder<'_, 'g> {
 
     fn primitive(&self, primitive: &Primitive, frame: &Frame) -> FieldValue<'g> {
         let arena = self.composer.arena;
-        let p = arena.input(0, Type::V3);
-        let hit_eps = arena.input(2, Type::F);
+        let EstimatorInputs { p, hit_eps, .. } = EstimatorInputs::new(arena);
         let d = signed_distance(primitive, frame.local_from_world(p)) * frame.scale();
         let is_shell = matches!(primitive, Primitive::Sphere { form: SphereForm::Shell, .. });
         let limit = if is_shell { hit_eps } else { arena.f(0.0) };

@@ -6,6 +6,7 @@
 //! equal subexpressions of value and derivative are computed once.
 
 pub mod choose;
+mod estimate;
 mod field;
 mod orbit;
 pub mod placement;

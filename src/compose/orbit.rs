@@ -1,4 +1,4 @@
-//! One orbit: start values, iterations with their derivatives, and what the end state says.
+//! One orbit: start values and iterations with their derivatives. What the end state says is the module `estimate`'s.
 
 use rhai::Map;
 
@@ -9,24 +9,23 @@ use crate::formula::script::base_scope;
 use crate::formula::step::{ParamKind, ScalarRule, Step, StepInputs, Traced, script_expr, script_value};
 use crate::formula::symbolic::to_dynamic;
 use crate::graph::{
-    Condition, Constant, DeForm, IterationMap, MapTree, Method, NodeKind, NodeRef, OrbitSettings, ParamInput,
-    resolve_schedule,
+    Condition, Constant, IterationMap, MapTree, Method, NodeKind, NodeRef, OrbitSettings, ParamInput, resolve_schedule,
 };
-use crate::kernel::Orbit;
+use crate::kernel::{EstimatorInputs, Orbit};
 
 /// Value and scalar derivative of a map.
-type Moved<'g> = Traced<'g>;
+pub(super) type Moved<'g> = Traced<'g>;
 
 /// What an orbit carries besides z.
-struct Carried {
+pub(super) struct Carried {
     /// Running derivative.
-    scalar: bool,
+    pub(super) scalar: bool,
     /// Rows of the Jacobian by p: the gradient of each component of z.
-    jacobian: bool,
+    pub(super) jacobian: bool,
     /// Orbits of p + h along each axis.
-    shifted: bool,
+    pub(super) shifted: bool,
     /// Orbit traps.
-    traps: bool,
+    pub(super) traps: bool,
 }
 
 impl Carried {
@@ -49,12 +48,12 @@ impl Carried {
 
 /// Expressions of the whole state.
 #[derive(Clone)]
-struct State<'g> {
-    z: Expr<'g>,
-    dr: Option<Expr<'g>>,
-    rows: Vec<Expr<'g>>,
-    shifted: Vec<Expr<'g>>,
-    trap: Option<Expr<'g>>,
+pub(super) struct State<'g> {
+    pub(super) z: Expr<'g>,
+    pub(super) dr: Option<Expr<'g>>,
+    pub(super) rows: Vec<Expr<'g>>,
+    pub(super) shifted: Vec<Expr<'g>>,
+    pub(super) trap: Option<Expr<'g>>,
 }
 
 impl<'g> State<'g> {
@@ -93,14 +92,14 @@ impl<'g> State<'g> {
 }
 
 /// Values of the start point that iterations read: c and its derivatives, each a constant or a frozen input.
-struct Constants<'g> {
-    c: Expr<'g>,
+pub(super) struct Constants<'g> {
+    pub(super) c: Expr<'g>,
     /// Growth of c per unit of p: the "+1".
-    dc: Expr<'g>,
+    pub(super) dc: Expr<'g>,
     /// Gradients of its components by p.
-    rows: Vec<Expr<'g>>,
+    pub(super) rows: Vec<Expr<'g>>,
     /// Step of finite differences.
-    h: Expr<'g>,
+    pub(super) h: Expr<'g>,
 }
 
 /// Builds the orbit of a node for a purpose.
@@ -119,14 +118,14 @@ pub(super) fn compose_orbit(
     builder.build(name, root)
 }
 
-struct OrbitBuilder<'a> {
-    composer: &'a Composer<'a>,
-    settings: &'a OrbitSettings,
-    frame: &'a Frame,
-    width: u8,
-    carried: Carried,
-    choice: &'a Choice,
-    purpose: Purpose,
+pub(super) struct OrbitBuilder<'a> {
+    pub(super) composer: &'a Composer<'a>,
+    pub(super) settings: &'a OrbitSettings,
+    pub(super) frame: &'a Frame,
+    pub(super) width: u8,
+    pub(super) carried: Carried,
+    pub(super) choice: &'a Choice,
+    pub(super) purpose: Purpose,
 }
 
 impl<'a> OrbitBuilder<'a> {
@@ -167,11 +166,10 @@ impl<'a> OrbitBuilder<'a> {
         })
     }
 
-    /// Start values as expressions of the estimator's inputs `p`, `h`, `hit_eps`.
+    /// Start values as expressions of the [`EstimatorInputs`].
     fn start(&self) -> ComposeResult<(State<'a>, Constants<'a>)> {
         let arena = self.composer.arena;
-        let p = arena.input(0, Type::V3);
-        let h = arena.input(1, Type::F);
+        let EstimatorInputs { p, h, .. } = EstimatorInputs::new(arena);
         let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| arena.v3(axis));
         let begin = |p: Expr<'a>| -> ComposeResult<Moved<'a>> {
             let local = self.frame.local_from_world(p);
@@ -293,7 +291,7 @@ impl<'a> OrbitBuilder<'a> {
         }
     }
 
-    fn apply_all(&self, nodes: &[NodeRef], mut moved: Moved<'a>, c: Expr<'a>) -> ComposeResult<Moved<'a>> {
+    pub(super) fn apply_all(&self, nodes: &[NodeRef], mut moved: Moved<'a>, c: Expr<'a>) -> ComposeResult<Moved<'a>> {
         let n = self.composer.arena.f(0.0);
         for node in nodes {
             let (maps, _) = resolve_schedule(self.composer.graph, *node, Constant::Off, 1);
@@ -301,80 +299,6 @@ impl<'a> OrbitBuilder<'a> {
         }
         Ok(moved)
     }
-
-    /// What the end state says.
-    fn finish(&self, function: &mut Function, state: &State<'a>, constants: &Constants<'a>) -> ComposeResult<()> {
-        let arena = self.composer.arena;
-        let zero = state.z.lift(0.0);
-        let end = self.apply_all(&self.settings.post, Moved { z: state.z, dr: state.dr }, zero)?;
-        let tiny = arena.f(1e-30);
-        let r = end.z.length();
-        // Scaled before squaring: components of J may be as large as the square root of the range.
-        let unit = end.z / r.max(tiny);
-        let gradient = if self.carried.jacobian {
-            let rows = Differentiator::of_gradients(arena, &[(state.z, state.rows.clone())]).tangents(end.z);
-            unit.components().into_iter().zip(rows).map(|(u, row)| row * u).reduce(|a, b| a + b)
-        } else if self.carried.shifted {
-            Some(arena.compose(&self.differences(state, r, constants.h)?))
-        } else {
-            None
-        };
-        let slope = gradient.map(scaled_length);
-        match self.purpose {
-            Purpose::Surface => {
-                let g = gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
-                function.output("gradient", g / slope.unwrap_or(tiny).max(tiny));
-                function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
-                function.output("de", self.distance(r, slope.unwrap_or(tiny).max(tiny)));
-            }
-            _ => {
-                let dr = match (end.dr, slope) {
-                    (Some(dr), Some(slope)) => dr.max(slope),
-                    (dr, slope) => dr.or(slope).unwrap_or_else(|| arena.f(1.0)),
-                };
-                function.output("de", self.distance(r, dr.max(tiny)));
-            }
-        }
-        if self.purpose == Purpose::Probe {
-            function.output("r", r);
-            let parts = state.z.components();
-            let w = parts.get(3).copied().unwrap_or_else(|| arena.f(0.0));
-            function.output("z", arena.compose(&[parts[0], parts[1], parts[2], w]));
-        }
-        Ok(())
-    }
-
-    /// Finite differences of r along each axis, all at one iteration count. Of ln r where the form is logarithmic (the
-    /// window of usable steps is far wider there), turned back into a slope of r.
-    fn differences(&self, state: &State<'a>, r: Expr<'a>, h: Expr<'a>) -> ComposeResult<Vec<Expr<'a>>> {
-        let zero = state.z.lift(0.0);
-        let mut slopes = Vec::new();
-        for z in &state.shifted {
-            let end = self.apply_all(&self.settings.post, Moved { z: *z, dr: None }, zero)?;
-            let shifted = end.z.length();
-            slopes.push(match self.choice.form {
-                DeForm::Logarithmic => (shifted / r).ln() * r / h,
-                DeForm::Linear => (shifted - r) / h,
-            });
-        }
-        Ok(slopes)
-    }
-
-    /// The estimate in world units; never negative.
-    fn distance(&self, r: Expr<'a>, dr: Expr<'a>) -> Expr<'a> {
-        let zero = self.composer.arena.f(0.0);
-        match self.choice.form {
-            DeForm::Linear => ((r - self.choice.radius) / dr).max(zero),
-            DeForm::Logarithmic => (r * r.ln() * 0.5 / dr).max(zero),
-        }
-    }
-}
-
-/// The length of a 3-vector whose squares may overflow single precision.
-fn scaled_length(v: Expr<'_>) -> Expr<'_> {
-    let parts = v.abs().components();
-    let largest = parts[0].max(parts[1]).max(parts[2]).max(v.arena.f(1e-30));
-    (v / largest).length() * largest
 }
 
 /// Applies a map to a state.

@@ -12,12 +12,12 @@ pub mod listing;
 pub mod tape;
 pub mod wgsl;
 
-use crate::expr::{Arena, Function, Port, Type};
+use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::Schedule;
 
 /// One iterated system: what is carried, how it starts, the maps that iterate it, and what its end state says.
 ///
-/// Conventions for the functions' ports: `init` takes `p: vec3, h: number, hit_eps: number` and gives state then frozen values; every
+/// Conventions for the functions' ports: `init` takes [`Estimator::inputs`] and gives state then frozen values; every
 /// item takes state, frozen values and `n` (iterations done before it) and gives state then `escaped: boolean`;
 /// `finish` takes state, frozen values and `n` (iterations done at the end).
 #[derive(Clone, Debug)]
@@ -42,7 +42,7 @@ pub struct Orbit {
 
 /// Orbits and what is made of them at a point: usually `de` and `inside`.
 ///
-/// `combine` takes `p: vec3, h: number, hit_eps: number`, then for each orbit the outputs of its `finish`, `inside: boolean` and
+/// `combine` takes [`Estimator::inputs`], then for each orbit the outputs of its `finish`, `inside: boolean` and
 /// `n: number` (iterations done).
 #[derive(Clone, Debug)]
 pub struct Estimator {
@@ -55,7 +55,7 @@ pub struct Estimator {
 /// An estimator called along rays until each has hit, missed or run out of steps.
 ///
 /// The estimator's outputs start with `de: number, inside: boolean`. `locate` takes the `RAY` ports and the `STATE`
-/// ports and gives `p: vec3, h: number, hit_eps: number`; `advance` takes the same and `de, inside` and gives the new state.
+/// ports and gives [`Estimator::inputs`]; `advance` takes the same and `de, inside` and gives the new state.
 #[derive(Clone, Debug)]
 pub struct March {
     /// What is called.
@@ -136,12 +136,49 @@ impl Status {
 }
 
 impl Estimator {
-    /// Elements whose `hit_eps` is negative are not wanted and give anything.
-    /// What goes in, all in world units: `p`, `h` (the step of finite differences) and `hit_eps` (the hit threshold, which
-    /// is how thick a shell counts).
+    /// What goes in, all in world units: the point `p`, the unit direction `d` of the ray that asks, `h` (the step of
+    /// finite differences) and `hit_eps` (the hit threshold, which is how thick a shell counts). Elements whose `hit_eps`
+    /// is negative are not wanted and give anything.
     pub fn inputs() -> Vec<Port> {
-        vec![Port::new("p", Type::V3), Port::new("h", Type::F), Port::new("hit_eps", Type::F)]
+        vec![Port::new("p", Type::V3), Port::new("d", Type::V3), Port::new("h", Type::F), Port::new("hit_eps", Type::F)]
     }
+
+    /// Columns of [`Estimator::inputs`]. `directions` and `h` have an entry for each point, or one for all.
+    pub fn columns(points: &[[f64; 3]], directions: &[[f64; 3]], h: &[f64], hit_eps: f64) -> Vec<Vec<f64>> {
+        let count = points.len();
+        let mut columns: Vec<Vec<f64>> = (0..3).map(|k| points.iter().map(|p| p[k]).collect()).collect();
+        columns.extend((0..3).map(|k| directions.iter().map(|d| d[k]).cycle().take(count).collect()));
+        columns.push(h.iter().copied().cycle().take(count).collect());
+        columns.push(vec![hit_eps; count]);
+        columns
+    }
+}
+
+/// [`Estimator::inputs`] as expressions, where they are a function's first inputs.
+#[derive(Clone, Copy)]
+pub struct EstimatorInputs<'g> {
+    /// Where, in world units.
+    pub p: Expr<'g>,
+    /// Unit direction of the ray.
+    pub d: Expr<'g>,
+    /// Step of finite differences.
+    pub h: Expr<'g>,
+    /// Hit threshold.
+    pub hit_eps: Expr<'g>,
+}
+
+impl<'g> EstimatorInputs<'g> {
+    /// The first four inputs of a function.
+    pub fn new(arena: &'g Arena) -> EstimatorInputs<'g> {
+        let number = |i| arena.input(i, Type::F);
+        EstimatorInputs { p: arena.input(0, Type::V3), d: arena.input(1, Type::V3), h: number(2), hit_eps: number(3) }
+    }
+}
+
+/// The unit direction from a point to the world's origin: what points that no ray asks for take as their ray.
+pub fn inwards(p: &[f64; 3]) -> [f64; 3] {
+    let length = p.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if length > 0.0 { p.map(|x| -x / length) } else { [1.0, 0.0, 0.0] }
 }
 
 impl Kernel {

@@ -91,6 +91,8 @@ pub struct Tape {
     pub instructions: Vec<Instruction>,
     /// The register of each scalar of the inputs.
     pub inputs: Vec<u16>,
+    /// Which scalars of the inputs anything reads, in order: the others need not be loaded.
+    pub read: Vec<u16>,
     /// The register of each scalar of the outputs.
     pub outputs: Vec<u16>,
     /// Registers that the tape needs in all.
@@ -455,10 +457,13 @@ impl<'a> Lowering<'a> {
             instructions.push(Instruction { code: *code, operands: result });
         }
         let input_count = Port::scalars(&self.function.inputs) as u16;
+        let mut read: HashSet<u32> = outputs.iter().copied().collect();
+        read.extend(self.instructions.iter().flat_map(|(_, operands)| operands.sources()));
         Tape {
             name: self.function.name.clone(),
             instructions,
             inputs: (self.inputs_at..self.inputs_at + input_count).collect(),
+            read: (0..input_count).filter(|i| read.contains(&u32::from(self.inputs_at + i))).collect(),
             outputs: outputs.iter().map(|&register| place(&physical, register)).collect(),
             register_count: count as usize,
         }

@@ -100,7 +100,7 @@ pub fn compose_march(arena: &Arena, estimator: Estimator, settings: &MarchSettin
     }
 }
 
-/// The point to estimate at, the step of finite differences there, and the hit threshold.
+/// The point to estimate at, the ray's direction, the step of finite differences there, and the hit threshold.
 fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     let mut function = Function::new("locate", ports());
     let ray = Inputs::new(arena);
@@ -112,6 +112,7 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     // A hundredth of the last estimate; before the first one, of the threshold's order.
     let wanted = ray.last_de * 0.01;
     function.output("p", p);
+    function.output("d", ray.direction);
     function.output("h", wanted.max(largest * settings.min_difference));
     function.output("hit_eps", ray.hit_eps(settings));
     function

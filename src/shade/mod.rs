@@ -102,6 +102,7 @@ pub fn compose_surface_point(arena: &Arena, pixel_radius: f64) -> Function {
     let hit_eps = ray.t * pixel_radius;
     let t = ray.front(hit_eps);
     function.output("p", ray.origin + ray.direction * t);
+    function.output("d", ray.direction);
     function.output("h", (hit_eps * 0.1).max(ray.t * 1e-6 + 1e-5));
     function.output("hit_eps", ray.is_hit.select(hit_eps, arena.f(-1.0)));
     function

@@ -2,9 +2,14 @@
 
 use super::interpret::{Machine, interpret, load_pack, store_pack};
 use super::tapes::{EstimatorTapes, OrbitTapes, TapeSet};
+use crate::expr::Port;
 use crate::expr::ops::Register;
+use crate::kernel::Estimator;
 use crate::kernel::tape::Tape;
 use crate::math::Real;
+
+/// Columns of a point; the last one is `hit_eps`.
+pub(super) const POINT: usize = 8;
 
 /// Register files of one task.
 pub(super) struct Files<R: Real, const K: usize> {
@@ -48,16 +53,17 @@ pub(super) fn run_estimates<R: Machine, const K: usize>(
     inputs: &[&[R::Scalar]],
     outputs: &mut [Vec<R::Scalar>],
 ) {
+    debug_assert_eq!(POINT, Port::scalars(&Estimator::inputs()));
     let mut files = Files::<R, K>::new(token, tapes);
     let zero = R::splat(token, 0.0);
     let mut live = [zero; K];
     for at in (0..inputs[0].len()).step_by(R::LANES * K) {
-        let mut point = [live; 5];
+        let mut point = [live; POINT];
         for (value, column) in point.iter_mut().zip(inputs) {
             *value = load_pack(token, column, at);
         }
         for k in 0..K {
-            live[k] = R::from_mask(token, zero.le(point[4][k]));
+            live[k] = R::from_mask(token, zero.le(point[POINT - 1][k]));
         }
         estimate::<R, K>(token, tapes, &mut files, &point, &live);
         for (column, &register) in outputs.iter_mut().zip(&tapes.combine.tapes[0].outputs) {
@@ -66,21 +72,20 @@ pub(super) fn run_estimates<R: Machine, const K: usize>(
     }
 }
 
-/// Estimates at a pack of points (`p`, `h`, `hit_eps`); the results lie in the output registers of `combine`.
+/// Estimates at a pack of points ([`Estimator::inputs`]); the results lie in the output registers of `combine`.
 /// Lanes where `live` is 0 are not waited for. Returns the iterations of all orbits.
 #[inline(always)]
 pub(super) fn estimate<R: Machine, const K: usize>(
     token: R::Token,
     tapes: &EstimatorTapes,
     files: &mut Files<R, K>,
-    point: &[Register<R, K>; 5],
+    point: &[Register<R, K>; POINT],
     live: &Register<R, K>,
 ) -> Register<R, K> {
     let combine = &tapes.combine.tapes[0];
-    let mut next = 0;
-    for register in point {
-        files.combine[combine.inputs[next] as usize] = *register;
-        next += 1;
+    let mut next = POINT;
+    for &i in combine.read.iter().take_while(|&&i| usize::from(i) < POINT) {
+        files.combine[combine.inputs[usize::from(i)] as usize] = point[usize::from(i)];
     }
     let mut total = [R::splat(token, 0.0); K];
     for (orbit, registers) in tapes.orbits.iter().zip(&mut files.orbits) {
@@ -110,12 +115,12 @@ pub(super) fn iterate<R: Machine, const K: usize>(
     token: R::Token,
     orbit: &OrbitTapes,
     registers: &mut [Register<R, K>],
-    point: &[Register<R, K>; 5],
+    point: &[Register<R, K>; POINT],
     live: &Register<R, K>,
 ) -> (Register<R, K>, Register<R, K>) {
     let init = &orbit.set.tapes[0];
-    for (value, &register) in point.iter().zip(&init.inputs) {
-        registers[register as usize] = *value;
+    for &i in &init.read {
+        registers[init.inputs[usize::from(i)] as usize] = point[usize::from(i)];
     }
     interpret::<R, K>(token, init, registers);
     for (i, &output) in init.outputs.iter().enumerate() {

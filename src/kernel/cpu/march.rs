@@ -1,6 +1,6 @@
 //! Marches: packs of rays, one estimate at a time. The twin of `shaders/march.wgsl`.
 
-use super::estimate::{Files, estimate};
+use super::estimate::{Files, POINT, estimate};
 use super::interpret::{Machine, interpret, load_pack, store_pack};
 use super::tapes::MarchTapes;
 use crate::expr::Port;
@@ -73,7 +73,7 @@ pub(super) fn march_pack<R: Machine, const K: usize>(
         advance[advance_tape.inputs[i] as usize] = value;
     }
     interpret::<R, K>(token, locate_tape, locate);
-    let mut point = [[R::splat(token, 0.0); K]; 5];
+    let mut point = [[R::splat(token, 0.0); K]; POINT];
     for (value, &output) in point.iter_mut().zip(&locate_tape.outputs) {
         *value = locate[output as usize];
     }

@@ -8,7 +8,7 @@ use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::Schedule;
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::wgsl::tests::{pipeline, scheduled};
-use crate::kernel::{Backend, BackendError, Kernel, Status};
+use crate::kernel::{Backend, BackendError, Estimator, Kernel, Status};
 use crate::render::{Pipeline, RenderSettings, Renderer};
 use crate::shade::Size;
 
@@ -184,7 +184,8 @@ fn a_lost_device_is_rebuilt() {
 fn schedules_run_as_on_the_cpu() {
     let Some(gpu) = gpu() else { return };
     let arena = Arena::default();
-    let columns = vec![vec![0.0, 999_970.0, 2e6], vec![0.0; 3], vec![0.0; 3], vec![0.0; 3], vec![0.0; 3]];
+    let points = [0.0, 999_970.0, 2e6].map(|x| [x, 0.0, 0.0]);
+    let columns = Estimator::columns(&points, &[[1.0, 0.0, 0.0]], &[0.0], 0.0);
     for (prefix, cycle) in [(vec![], vec![0, 1]), (vec![2, 2], vec![0, 1, 0]), (vec![1], vec![2])] {
         let kernel = Kernel::Estimate(scheduled(&arena, Schedule { prefix, cycle }, 3, 8));
         assert_eq!(run(&gpu, &arena, &kernel, &columns), run(&Cpu::new(Precision::F64), &arena, &kernel, &columns));
@@ -247,7 +248,7 @@ fn estimates_agree_with_the_cpu() {
             (0..count).map(|i| f64::from(((f64::from(i) * k).fract() * 4.0 - 2.0) as f32)).collect()
         };
         let mut columns = vec![spread(0.754_877_666), spread(0.569_840_29), spread(0.618_033_988)];
-        columns.push(vec![1e-4; count as usize]);
+        columns.extend([1.0, 0.0, 0.0, 1e-4].map(|x| vec![x; count as usize]));
         columns.push((0..count).map(|i| if i % 10 == 0 { -1.0 } else { 1e-3 }).collect());
         let got = run(&gpu, &arena, &kernel, &columns);
         let expected = run(&Cpu::new(Precision::F64), &arena, &kernel, &columns);

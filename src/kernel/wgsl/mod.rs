@@ -161,6 +161,7 @@ impl Module<'_> {
         self.template(
             include_str!("../../../shaders/estimates.wgsl"),
             &[
+                ("HIT_EPS", (Port::scalars(&Estimator::inputs()) - 1).to_string()),
                 ("LOADS", loads("load", &Estimator::inputs()).join(", ")),
                 ("COLUMNS", Port::scalars(&outputs).to_string()),
                 ("STORES", stores("result", &outputs)),
@@ -170,7 +171,7 @@ impl Module<'_> {
 
     /// Writes `estimate` and all that it calls.
     fn estimate(&mut self, estimator: &Estimator) {
-        let point = "p, h, hit_eps";
+        let point = "p, d, h, hit_eps";
         let mut orbits = Vec::new();
         let mut results = vec![point.to_string()];
         let mut iterations = Vec::new();

@@ -100,9 +100,9 @@ pub(crate) fn scheduled(arena: &Arena, schedule: Schedule, items: usize, max_ite
     let mut inputs = Estimator::inputs();
     inputs.extend([Port::new("sum_z", Type::F), Port::new("sum_inside", Type::B), Port::new("sum_n", Type::F)]);
     let mut combine = Function::new("combine", inputs);
-    combine.output("z", arena.input(3, Type::F));
-    combine.output("inside", arena.input(4, Type::B));
-    combine.output("n", arena.input(5, Type::F));
+    combine.output("z", arena.input(4, Type::F));
+    combine.output("inside", arena.input(5, Type::B));
+    combine.output("n", arena.input(6, Type::F));
     let items = (0..items).map(item).collect();
     let orbit = Orbit { name: "sum".into(), state, frozen: Vec::new(), init, items, schedule, finish, max_iterations };
     Estimator { orbits: vec![orbit], combine }
