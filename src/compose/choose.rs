@@ -21,6 +21,10 @@ pub struct Choice {
     pub fudge: f64,
     /// Whether the orbit can be differentiated; normals need finite differences where it cannot.
     pub differentiable: bool,
+    /// Radius of a ball around the orbit's own origin that holds the set, as measured.
+    pub extent: f64,
+    /// Relative error of one operation: proofs leave room for it.
+    pub unit: f64,
     /// Methods that apply.
     pub applicable: Vec<Method>,
     /// Why this method and form.
@@ -40,6 +44,18 @@ pub struct Plan {
     pub warnings: Vec<String>,
 }
 
+/// [`Choice::unit`] of single precision.
+pub const UNIT_F32: f64 = 1.0 / (1u64 << 24) as f64;
+/// [`Choice::unit`] of double precision.
+pub const UNIT_F64: f64 = 1.0 / (1u64 << 53) as f64;
+
+impl Plan {
+    /// True where every orbit is certified: the march then proposes how far a proof is to reach.
+    pub fn is_certified(&self) -> bool {
+        !self.choices.is_empty() && self.choices.iter().all(|c| c.method.is_certified())
+    }
+}
+
 /// Makes the choices. `wanted` overrides what files fix.
 pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<Plan> {
     let orbits = field_orbits(composer);
@@ -49,9 +65,14 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
         let settings = merge(wanted, &orbit.settings.estimate);
         choices.push(choose_orbit(composer, orbit, &settings, &mut warnings)?);
     }
+    // Proofs need a march of their own, so one certified orbit makes all of them so.
+    if let Some(method) = choices.iter().map(|c: &Choice| c.method).find(|m| m.is_certified()) {
+        choices.iter_mut().filter(|c| !c.method.is_certified()).for_each(|c| c.method = method);
+    }
     let mut radii = Vec::new();
     for (orbit, choice) in orbits.iter().zip(&mut choices) {
         let extent = measure_extent(composer, orbit)?;
+        choice.extent = extent;
         let fixed = merge(wanted, &orbit.settings.estimate).radius;
         if choice.form == DeForm::Linear {
             // Beyond half the escape radius the form would say 0 right where orbits escape.
@@ -96,7 +117,7 @@ fn choose_orbit(
             Method::Scalar => rules.is_some(),
             Method::Gradient => blocking.is_none(),
             Method::Combined => rules.is_some() && blocking.is_none(),
-            Method::Delta => true,
+            Method::Delta | Method::Certified | Method::CertifiedBall => true,
         })
         .collect();
     let (method, mut reason) = match (&blocking, rules.is_some()) {
@@ -138,6 +159,8 @@ fn choose_orbit(
         radius: settings.radius.unwrap_or(0.0),
         fudge: settings.fudge.unwrap_or(default_fudge),
         differentiable: blocking.is_none(),
+        extent: 0.0,
+        unit: UNIT_F32,
         applicable,
         reason,
     })
@@ -208,6 +231,8 @@ fn measure_extent(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<f64>
         radius: 0.0,
         fudge: 1.0,
         differentiable: false,
+        extent: 0.0,
+        unit: UNIT_F32,
         applicable: Vec::new(),
         reason: String::new(),
     };

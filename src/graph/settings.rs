@@ -37,11 +37,27 @@ pub enum Method {
     Combined,
     /// Finite differences of r at equal iteration count (Makin/Buddhi).
     Delta,
+    /// A proof: the segment of the ray around the point that holds nothing of the set.
+    Certified,
+    /// A proof: the ball around the point that holds nothing of the set.
+    CertifiedBall,
 }
 
 impl Method {
     /// All methods, in the order of listings.
-    pub const ALL: [Method; 4] = [Method::Scalar, Method::Gradient, Method::Combined, Method::Delta];
+    pub const ALL: [Method; 6] = [
+        Method::Scalar,
+        Method::Gradient,
+        Method::Combined,
+        Method::Delta,
+        Method::Certified,
+        Method::CertifiedBall,
+    ];
+
+    /// True for methods that prove what they say.
+    pub fn is_certified(self) -> bool {
+        matches!(self, Method::Certified | Method::CertifiedBall)
+    }
 
     /// The name in files, flags and listings.
     pub fn name(self) -> &'static str {
@@ -50,6 +66,8 @@ impl Method {
             Method::Gradient => "gradient",
             Method::Combined => "combined",
             Method::Delta => "delta",
+            Method::Certified => "certified",
+            Method::CertifiedBall => "certified-ball",
         }
     }
 }
