@@ -96,6 +96,7 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
         max_march_steps: settings.max_march_steps,
         min_difference: settings.min_difference,
         certified: plan.is_certified(),
+        difference_step: plan.difference_step,
     };
     let choices: &[Choice] = &plan.choices;
     let estimator = compose_estimator(composer, choices, Purpose::March)?;

@@ -187,11 +187,9 @@ fn fixed_choices(composer: &Composer) -> Vec<Choice> {
             Method::Gradient
         },
         form: DeForm::Logarithmic,
-        radius: 0.0,
-        fudge: 1.0,
         differentiable,
         applicable: Method::ALL.to_vec(),
-        reason: String::new(),
+        ..Choice::default()
     };
     field_orbits(composer)
         .iter()

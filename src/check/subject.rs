@@ -102,7 +102,7 @@ impl<'a> Subject<'a> {
         Ok((0..points.len()).map(|i| (0..width).map(|k| columns[first + k][i]).collect()).collect())
     }
 
-    /// Estimate and membership of points. Finite differences take a hundredth of a first estimate as their step.
+    /// Estimate and membership of points. Finite differences take their step from a first estimate.
     pub fn estimates(
         &self,
         backends: &Backends,
@@ -113,7 +113,8 @@ impl<'a> Subject<'a> {
         let mut h = vec![FIRST_DIFFERENCE; points.len()];
         let first = backends.run(Target::CpuF64, self.arena, kernel, &estimator_columns(points, &h, 1e-9))?;
         for (h, de) in h.iter_mut().zip(&first[0]) {
-            *h = if de.is_finite() { (de * 0.01).max(LEAST_DIFFERENCE) } else { FIRST_DIFFERENCE };
+            let least = if de.is_finite() { LEAST_DIFFERENCE } else { FIRST_DIFFERENCE };
+            *h = self.plan.difference_step.length(*de, least);
         }
         let columns = backends.run(target, self.arena, kernel, &estimator_columns(points, &h, 1e-9))?;
         Ok(columns[0].iter().zip(&columns[1]).map(|(&de, &inside)| (de, inside > 0.5)).collect())
@@ -137,6 +138,7 @@ impl<'a> Subject<'a> {
             pixel_radius: 0.0,
             hit_eps,
             max_march_steps: 100_000,
+            difference_step: self.plan.difference_step,
             ..MarchSettings::default()
         };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));

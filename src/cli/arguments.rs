@@ -1,9 +1,10 @@
 //! Arguments that several commands take, and how they are read.
 
-use bulbfold::graph::{DeForm, Method};
+use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method};
 use bulbfold::kernel::cpu::Precision;
 use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
 use bulbfold::shade::Size;
+use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
 /// Where kernels run.
@@ -44,62 +45,106 @@ impl PrecisionArg {
     }
 }
 
-/// How distances are estimated.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-pub enum DeArg {
-    /// What the file says, else the cheapest that fits.
-    Auto,
-    /// The steps' own derivative rules.
-    Scalar,
-    /// The exact gradient.
-    Gradient,
-    /// The smaller of scalar and gradient.
-    Combined,
-    /// Finite differences.
-    Delta,
+/// How distances are estimated: a method, or what the file says, else the cheapest that fits.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct DeArg(pub Option<Method>);
+
+/// Final form of the estimate, or what the file says, else what the orbit's growth calls for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct FormArg(pub Option<DeForm>);
+
+const AUTO: &str = "auto";
+
+impl ValueEnum for DeArg {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ALL: [DeArg; Method::ALL.len() + 1] = {
+            let mut all = [DeArg(None); Method::ALL.len() + 1];
+            let mut i = 0;
+            while i < Method::ALL.len() {
+                all[i + 1] = DeArg(Some(Method::ALL[i]));
+                i += 1;
+            }
+            all
+        };
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(match self.0 {
+            None => PossibleValue::new(AUTO).help("what the file says, else the cheapest that fits"),
+            Some(method) => PossibleValue::new(method.name()).help(method.summary()),
+        })
+    }
 }
 
-/// Final form of the estimate.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-pub enum FormArg {
-    /// What the file says, else what the orbit's growth calls for.
-    Auto,
-    /// For orbits that grow by a factor.
-    Linear,
-    /// For orbits that grow by a power.
-    Logarithmic,
+impl ValueEnum for FormArg {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ALL: [FormArg; DeForm::ALL.len() + 1] = {
+            let mut all = [FormArg(None); DeForm::ALL.len() + 1];
+            let mut i = 0;
+            while i < DeForm::ALL.len() {
+                all[i + 1] = FormArg(Some(DeForm::ALL[i]));
+                i += 1;
+            }
+            all
+        };
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(match self.0 {
+            None => PossibleValue::new(AUTO).help("what the file says, else what the orbit's growth calls for"),
+            Some(form) => PossibleValue::new(form.name()).help(form.summary()),
+        })
+    }
 }
 
 /// The distance estimate.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct EstimateArgs {
     /// Distance estimate
-    #[arg(long, value_enum, default_value_t = DeArg::Auto)]
+    #[arg(long, value_enum, default_value = AUTO, value_name = "METHOD")]
     pub de: DeArg,
     /// Form of the estimate
-    #[arg(long, value_enum, default_value_t = FormArg::Auto)]
+    #[arg(long, value_enum, default_value = AUTO, value_name = "FORM")]
     pub form: FormArg,
     /// Step multiplier, above 0 and at most 1
     #[arg(long, value_name = "F", value_parser = parse_fudge)]
     pub fudge: Option<f64>,
+    /// What finite differences are taken of: r, ln-r or z [default: as method and form call for]
+    #[arg(long, value_name = "OF", value_parser = parse_difference)]
+    pub difference: Option<Difference>,
+    /// Step of finite differences: a length in world units, or a percentage of the estimate [default: 1%]
+    #[arg(long, value_name = "H", value_parser = parse_difference_step)]
+    pub difference_step: Option<DifferenceStep>,
 }
 
 impl EstimateArgs {
     /// What is asked for; the rest is chosen.
-    pub fn settings(self) -> bulbfold::graph::EstimateSettings {
-        let method = match self.de {
-            DeArg::Auto => None,
-            DeArg::Scalar => Some(Method::Scalar),
-            DeArg::Gradient => Some(Method::Gradient),
-            DeArg::Combined => Some(Method::Combined),
-            DeArg::Delta => Some(Method::Delta),
-        };
-        let form = match self.form {
-            FormArg::Auto => None,
-            FormArg::Linear => Some(DeForm::Linear),
-            FormArg::Logarithmic => Some(DeForm::Logarithmic),
-        };
-        bulbfold::graph::EstimateSettings { method, form, radius: None, fudge: self.fudge }
+    pub fn settings(self) -> EstimateSettings {
+        EstimateSettings {
+            method: self.de.0,
+            form: self.form.0,
+            fudge: self.fudge,
+            difference: self.difference,
+            step: self.difference_step,
+            ..EstimateSettings::default()
+        }
+    }
+}
+
+fn parse_difference(text: &str) -> Result<Difference, String> {
+    let names = Difference::ALL.map(Difference::name).join(", ");
+    Difference::ALL.into_iter().find(|d| d.name() == text).ok_or_else(|| format!("choose one of: {names}"))
+}
+
+fn parse_difference_step(text: &str) -> Result<DifferenceStep, String> {
+    match text.trim().strip_suffix('%') {
+        Some(percent) => match parse_positive(percent)? / 100.0 {
+            share if share <= 1.0 => Ok(DifferenceStep::Share(share)),
+            _ => Err("it must be at most 100%".into()),
+        },
+        None => parse_positive(text).map(DifferenceStep::Fixed),
     }
 }
 

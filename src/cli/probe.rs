@@ -26,7 +26,7 @@ Examples:
   bulbfold probe mandelbox --points points.csv --precision f32 --json
   bulbfold probe mandelbulb --rays rays.csv --pixel-radius 0.0005 --de gradient
 
-A point gives p, escaped, iterations, z, r and de (every method that applies).
+A point gives p, escaped, iterations, z, r and de (every method that applies); primitives alone p, inside and de.
 A ray gives hit, t (null on a miss), estimates and iterations.
 Numbers that are not finite are null.")]
 pub struct Arguments {
@@ -41,6 +41,9 @@ pub struct Arguments {
     /// Rays, a line `ox,oy,oz,dx,dy,dz` each; directions may have any length
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["point", "points"])]
     rays: Option<PathBuf>,
+    /// Direction of the ray through each point, for the methods that look along it [default: to the origin]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, conflicts_with = "rays", value_parser = parse_vector)]
+    direction: Option<[f64; 3]>,
     /// Write one JSON object a line instead of text
     #[arg(long)]
     json: bool,
@@ -122,6 +125,7 @@ impl Probe<'_> {
             hit_eps: self.arguments.hit_eps.unwrap_or(0.0),
             min_difference: self.precision.min_difference(),
             certified: plan.is_certified(),
+            difference_step: plan.difference_step,
             ..MarchSettings::default()
         };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
@@ -142,20 +146,15 @@ impl Probe<'_> {
 
     fn points(&self, points: &[[f64; 3]], out: &mut dyn Write) -> Outcome {
         let plan = self.plan()?;
-        let applicable: Vec<Method> =
-            Method::ALL.into_iter().filter(|m| plan.choices.iter().all(|c| c.applicable.contains(m))).collect();
         let smallest = self.precision.min_difference();
         let first_step = vec![(plan.bounding_radius * 1e-4).max(smallest); points.len()];
         let mut estimates: Vec<(&str, Vec<f64>)> = Vec::new();
         let mut orbits = None;
-        for method in applicable {
+        for method in plan.applicable() {
             let mut answers = self.estimate(&plan.choices, Some(method), points, &first_step)?;
-            if method == Method::Delta {
-                // The step of finite differences: a hundredth of the estimate itself.
-                let steps: Vec<f64> = answers[0]
-                    .iter()
-                    .map(|de| if de.is_finite() { (de * 0.01).max(smallest) } else { smallest })
-                    .collect();
+            if method.is_difference() {
+                // The step of finite differences follows from the estimate itself.
+                let steps: Vec<f64> = answers[0].iter().map(|de| plan.difference_step.length(*de, smallest)).collect();
                 answers = self.estimate(&plan.choices, Some(method), points, &steps)?;
             }
             if method.is_certified() {
@@ -165,13 +164,17 @@ impl Probe<'_> {
             // The orbit itself is the same with every method.
             orbits.get_or_insert(answers);
         }
-        let orbits = match orbits {
-            Some(orbits) if !plan.choices.is_empty() => orbits,
-            _ => return Err(usage("the fractal has no orbit", "probe needs at least one iterated map")),
+        let Some(orbits) = orbits else {
+            return Err(usage("no method applies to all orbits", "ask `explain` which apply to each"));
         };
         let width = self.state_width();
         for (i, p) in points.iter().enumerate() {
             let de: Map<String, Value> = estimates.iter().map(|(name, de)| (name.to_string(), de[i].into())).collect();
+            if plan.choices.is_empty() {
+                // Primitives are not iterated.
+                self.write_line(&json!({ "p": p, "inside": orbits[1][i] > 0.5, "de": de }), out)?;
+                continue;
+            }
             let z: Vec<f64> = orbits[4..4 + width].iter().map(|column| column[i]).collect();
             let line = json!({
                 "p": p, "escaped": orbits[1][i] < 0.5, "iterations": orbits[2][i] as u64, "z": z, "r": orbits[3][i], "de": de,
@@ -233,7 +236,8 @@ impl Probe<'_> {
             choices.iter().map(|c| Choice { method: method.unwrap_or(c.method), ..c.clone() }).collect();
         let estimator = compose_estimator(&self.composer(), &choices, Purpose::Probe);
         let kernel = Kernel::Estimate(estimator.map_err(|diagnostic| self.session.failure(diagnostic))?);
-        let directions: Vec<[f64; 3]> = points.iter().map(inwards).collect();
+        let direction = |p: &[f64; 3]| self.arguments.direction.map_or_else(|| inwards(p), |d| inwards(&d.map(|x| -x)));
+        let directions: Vec<[f64; 3]> = points.iter().map(direction).collect();
         let columns = Estimator::columns(points, &directions, steps, 0.0);
         self.job(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })
     }

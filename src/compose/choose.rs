@@ -4,7 +4,7 @@
 use super::orbit::{compose_growth, scalar_rules, steps_of};
 use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
-use crate::graph::{DeForm, EstimateSettings, Method, NodeKind, NodeRef, Primitive};
+use crate::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, NodeKind, NodeRef, Primitive};
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
 
@@ -15,8 +15,14 @@ pub struct Choice {
     pub method: Method,
     /// Form.
     pub form: DeForm,
-    /// Radius of the linear form, in the orbit's final frame.
+    /// Radius of the linear form, half side of the box, half thickness of the plane; in the orbit's final frame.
     pub radius: f64,
+    /// Unit normal of the plane form.
+    pub axis: [f64; 3],
+    /// Power by which r grows in one iteration, on average over a cycle; 1 where it grows by a factor.
+    pub power: f64,
+    /// What finite differences are taken of; `None` follows method and form.
+    pub difference: Option<Difference>,
     /// Step multiplier.
     pub fudge: f64,
     /// Whether the orbit can be differentiated; normals need finite differences where it cannot.
@@ -31,6 +37,26 @@ pub struct Choice {
     pub reason: String,
 }
 
+impl Default for Choice {
+    /// `scalar`, linear with radius 0, for orbits that nothing is known of.
+    fn default() -> Choice {
+        Choice {
+            method: Method::Scalar,
+            form: DeForm::Linear,
+            radius: 0.0,
+            axis: [0.0, 0.0, 1.0],
+            power: 1.0,
+            difference: None,
+            fudge: 1.0,
+            differentiable: false,
+            extent: 0.0,
+            unit: UNIT_F32,
+            applicable: Vec::new(),
+            reason: String::new(),
+        }
+    }
+}
+
 /// Choices for all orbits of a field, and its extent.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Plan {
@@ -40,6 +66,8 @@ pub struct Plan {
     pub bounding_radius: f64,
     /// Step multiplier of the whole field.
     pub fudge: f64,
+    /// Step of finite differences: the first that an orbit asks for.
+    pub difference_step: DifferenceStep,
     /// What a user should know, for example that a method that was asked for does not apply.
     pub warnings: Vec<String>,
 }
@@ -54,6 +82,15 @@ impl Plan {
     pub fn is_certified(&self) -> bool {
         !self.choices.is_empty() && self.choices.iter().all(|c| c.method.is_certified())
     }
+
+    /// Methods that apply to every orbit; `own` where there is none.
+    pub fn applicable(&self) -> Vec<Method> {
+        let applies = |m: &Method| match self.choices.is_empty() {
+            true => *m == Method::Own,
+            false => self.choices.iter().all(|c| c.applicable.contains(m)),
+        };
+        Method::ALL.into_iter().filter(applies).collect()
+    }
 }
 
 /// Makes the choices. `wanted` overrides what files fix.
@@ -62,7 +99,7 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     let mut warnings = Vec::new();
     let mut choices = Vec::new();
     for orbit in &orbits {
-        let settings = merge(wanted, &orbit.settings.estimate);
+        let settings = wanted.or(orbit.settings.estimate);
         choices.push(choose_orbit(composer, orbit, &settings, &mut warnings)?);
     }
     // Proofs need a march of their own, so one certified orbit makes all of them so.
@@ -73,8 +110,8 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     for (orbit, choice) in orbits.iter().zip(&mut choices) {
         let extent = measure_extent(composer, orbit)?;
         choice.extent = extent;
-        let fixed = merge(wanted, &orbit.settings.estimate).radius;
-        if choice.form == DeForm::Linear {
+        let fixed = wanted.or(orbit.settings.estimate).radius;
+        if matches!(choice.form, DeForm::Linear | DeForm::Box) {
             // Beyond half the escape radius the form would say 0 right where orbits escape.
             choice.radius = fixed.unwrap_or_else(|| extent.min(orbit.settings.escape_radius * 0.5));
         }
@@ -85,16 +122,15 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
         None => field_reach(composer, &radii),
     };
     let fudge = wanted.fudge.unwrap_or_else(|| choices.iter().map(|c| c.fudge).fold(1.0, f64::min));
-    Ok(Plan { choices, bounding_radius, fudge, warnings })
-}
-
-fn merge(wanted: &EstimateSettings, file: &EstimateSettings) -> EstimateSettings {
-    EstimateSettings {
-        method: wanted.method.or(file.method),
-        form: wanted.form.or(file.form),
-        radius: wanted.radius.or(file.radius),
-        fudge: wanted.fudge.or(file.fudge),
+    if let (true, Some(method)) = (orbits.is_empty(), wanted.method)
+        && method != Method::Own
+    {
+        let why = "primitives are not iterated";
+        warnings.push(format!("the method `{}` does not apply: {why}; using `own`", method.name()));
     }
+    let steps = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).step);
+    let difference_step = steps.into_iter().next().unwrap_or_default();
+    Ok(Plan { choices, bounding_radius, fudge, difference_step, warnings })
 }
 
 fn choose_orbit(
@@ -111,16 +147,11 @@ fn choose_orbit(
     let exact = rules.as_ref().is_some_and(|r| !r.contains(&ScalarRule::Heuristic));
     let has_power = steps.iter().any(|s| s.growth == Some(Growth::Power));
     let has_linear = steps.iter().any(|s| s.growth == Some(Growth::Linear));
-    let applicable: Vec<Method> = Method::ALL
-        .into_iter()
-        .filter(|method| match method {
-            Method::Scalar => rules.is_some(),
-            Method::Gradient => blocking.is_none(),
-            Method::Combined => rules.is_some() && blocking.is_none(),
-            Method::Delta | Method::Certified | Method::CertifiedBall => true,
-        })
-        .collect();
-    let (method, mut reason) = match (&blocking, rules.is_some()) {
+    let growth = measure_growth(composer, orbit)?;
+    let facts = Facts { blocking, has_rules: rules.is_some(), power: growth.power };
+    let applicable: Vec<Method> = Method::ALL.into_iter().filter(|m| facts.why_not(*m).is_none()).collect();
+    let blocking = &facts.blocking;
+    let (mut method, mut reason) = match (blocking, rules.is_some()) {
         (Some(step), _) => {
             (Method::Delta, format!("the step `{step}` cannot be differentiated, so finite differences are taken"))
         }
@@ -131,39 +162,75 @@ fn choose_orbit(
         }
         _ => (Method::Combined, "a hybrid: the smaller of the scalar rule and the exact gradient".to_string()),
     };
-    let mut method = method;
     if let Some(wanted) = settings.method {
-        if applicable.contains(&wanted) {
-            method = wanted;
-            reason = "as asked".to_string();
-        } else {
-            let why = match &blocking {
-                Some(step) if wanted != Method::Scalar => format!("the step `{step}` cannot be differentiated"),
-                _ => "not every step states a scalar rule".to_string(),
-            };
-            warnings.push(format!("the method `{}` does not apply: {why}; using `{}`", wanted.name(), method.name()));
+        match facts.why_not(wanted) {
+            None => (method, reason) = (wanted, "as asked".to_string()),
+            Some(why) => warnings.push(format!(
+                "the method `{}` does not apply: {why}; using `{}`",
+                wanted.name(),
+                method.name()
+            )),
         }
     }
     let form = match settings.form {
+        Some(form) if method.is_potential() && form != DeForm::Logarithmic => {
+            let (form, method) = (form.name(), method.name());
+            warnings.push(format!("the form `{form}` does not apply: `{method}` is logarithmic by itself"));
+            DeForm::Logarithmic
+        }
+        Some(form) if method.is_certified() && form.is_shape() => {
+            let (form, method) = (form.name(), method.name());
+            warnings.push(format!("the form `{form}` does not apply: `{method}` goes by what escapes alone"));
+            growth.form()
+        }
         Some(form) => form,
+        None if method.is_potential() => DeForm::Logarithmic,
         None => {
-            let (form, evidence) = measure_form(composer, orbit)?;
-            reason = format!("{reason}; {evidence}");
-            form
+            reason = format!("{reason}; {}", growth.evidence);
+            growth.form()
         }
     };
-    let default_fudge = if method == Method::Delta { 0.7 } else { 1.0 };
+    let default_fudge = if method.is_difference() { 0.7 } else { 1.0 };
     Ok(Choice {
         method,
         form,
         radius: settings.radius.unwrap_or(0.0),
+        axis: settings.axis.unwrap_or([0.0, 0.0, 1.0]),
+        power: growth.power,
+        difference: settings.difference,
         fudge: settings.fudge.unwrap_or(default_fudge),
-        differentiable: blocking.is_none(),
+        differentiable: facts.blocking.is_none(),
         extent: 0.0,
         unit: UNIT_F32,
         applicable,
         reason,
     })
+}
+
+/// What decides which methods apply to an orbit.
+struct Facts {
+    /// A step that cannot be differentiated.
+    blocking: Option<String>,
+    /// Whether all steps state scalar rules.
+    has_rules: bool,
+    /// Power by which r grows in an iteration.
+    power: f64,
+}
+
+impl Facts {
+    /// Why a method does not apply; `None` where it does.
+    fn why_not(&self, method: Method) -> Option<String> {
+        let no_rules = || Some("not every step states a scalar rule".to_string());
+        match (method, &self.blocking) {
+            (Method::Own, _) => Some("an iterated map has no distance of its own, only primitives have".to_string()),
+            (method, Some(step)) if method.is_exact() => Some(format!("the step `{step}` cannot be differentiated")),
+            (Method::Scalar | Method::Combined, _) if !self.has_rules => no_rules(),
+            (method, _) if method.is_potential() && self.power == 1.0 => {
+                Some("r grows by a factor and not by a power, so there is no potential".to_string())
+            }
+            _ => None,
+        }
+    }
 }
 
 /// True where folds take part beside the powers.
@@ -184,9 +251,27 @@ fn directions(count: usize, turn: f64) -> Vec<[f64; 3]> {
         .collect()
 }
 
-/// The form that the growth of r over one cycle calls for: a constant ratio is linear, a growing one logarithmic.
-fn measure_form(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<(DeForm, String)> {
-    let function = compose_growth(composer, orbit.root, &orbit.settings)?;
+/// How r grows far out.
+struct OrbitGrowth {
+    /// Power in one iteration, on average over a cycle; 1 where r grows by a factor.
+    power: f64,
+    /// In words.
+    evidence: String,
+}
+
+impl OrbitGrowth {
+    /// The form that it calls for: a constant ratio is linear, a growing one logarithmic.
+    fn form(&self) -> DeForm {
+        if self.power > 1.0 { DeForm::Logarithmic } else { DeForm::Linear }
+    }
+}
+
+/// Cycles are measured in their first iterations only, which bounds the size of the function.
+pub(super) const MEASURED_CYCLE: usize = 16;
+
+/// Measures the growth of r over one cycle, far out.
+fn measure_growth(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<OrbitGrowth> {
+    let (function, iterations) = compose_growth(composer, orbit.root, &orbit.settings)?;
     let width = composer.graph.state_width(orbit.root) as usize;
     let cpu = Cpu::new(Precision::F64);
     let points = directions(64, 0.3);
@@ -206,9 +291,10 @@ fn measure_form(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<(DeFor
     let exponent = exponents[exponents.len() / 2];
     Ok(if exponent > 1.05 {
         let shown = if exponent == f64::MAX { "a high power".to_string() } else { format!("power {exponent:.2}") };
-        (DeForm::Logarithmic, format!("far out r grows by {shown} a cycle"))
+        let power = exponent.powf(1.0 / iterations.max(1) as f64);
+        OrbitGrowth { power, evidence: format!("far out r grows by {shown} a cycle") }
     } else {
-        (DeForm::Linear, "far out r grows by a constant factor a cycle".to_string())
+        OrbitGrowth { power: 1.0, evidence: "far out r grows by a constant factor a cycle".to_string() }
     })
 }
 
@@ -225,17 +311,6 @@ pub(crate) fn run_f64(cpu: &Cpu, composer: &Composer, kernel: &Kernel, columns: 
 fn measure_extent(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<f64> {
     let mut probe = orbit.clone();
     probe.frame = super::placement::Frame::default();
-    let choice = Choice {
-        method: Method::Delta,
-        form: DeForm::Linear,
-        radius: 0.0,
-        fudge: 1.0,
-        differentiable: false,
-        extent: 0.0,
-        unit: UNIT_F32,
-        applicable: Vec::new(),
-        reason: String::new(),
-    };
     let mut best = f64::MAX;
     // Few iterations leave the set thick enough for samples to hit, many leave it tight: the smallest hit ball wins.
     for iterations in [4, 7, 11, 16] {
@@ -244,7 +319,7 @@ fn measure_extent(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<f64>
         }
         let limit = iterations.min(orbit.settings.max_iterations).max(1);
         let settings = crate::graph::OrbitSettings { max_iterations: limit, ..orbit.settings.clone() };
-        let membership = super::orbit::compose_membership(composer, orbit.root, &settings, &choice)?;
+        let membership = super::orbit::compose_membership(composer, orbit.root, &settings)?;
         let cpu = Cpu::new(Precision::F64);
         let found = outermost_member(&cpu, composer, &membership);
         let Some(found) = found else { break };

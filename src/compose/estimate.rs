@@ -1,51 +1,52 @@
-//! What an orbit's end state says: r, its derivative by the method of choice, and the distance that follows.
+//! What an orbit's end state says: its size, the derivative of that by the method of choice, and the distance that follows.
 
+use super::norm::{frobenius_norm, largest_singular_value, scaled_length};
 use super::orbit::{Constants, Moved, OrbitBuilder, State};
 use super::{ComposeResult, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Type};
-use crate::graph::DeForm;
+use crate::graph::{DeForm, Difference, Method};
+
+/// The state after the last iteration and the post-transforms.
+struct End<'g> {
+    z: Expr<'g>,
+    /// Its size in the sense of the form.
+    size: Expr<'g>,
+    dr: Option<Expr<'g>>,
+    /// Gradients of the components of z.
+    rows: Vec<Expr<'g>>,
+    /// Derivative of z along the ray.
+    along: Option<Expr<'g>>,
+    /// Ends of the orbits of shifted points.
+    shifted: Vec<Expr<'g>>,
+}
 
 impl<'a> OrbitBuilder<'a> {
-    /// What the end state says.
+    /// Fills `function`, which takes the state and frozen values; `n` is the number of iterations done.
     pub(super) fn finish(
         &self,
         function: &mut Function,
         state: &State<'a>,
         constants: &Constants<'a>,
+        n: Expr<'a>,
     ) -> ComposeResult<()> {
         let arena = self.composer.arena;
-        let zero = state.z.lift(0.0);
-        let end = self.apply_all(&self.settings.post, Moved { z: state.z, dr: state.dr }, zero)?;
-        let tiny = arena.f(1e-30);
-        let r = end.z.length();
-        // Scaled before squaring: components of J may be as large as the square root of the range.
-        let unit = end.z / r.max(tiny);
-        let gradient = if self.carried.jacobian {
-            let rows = Differentiator::of_gradients(arena, &[(state.z, state.rows.clone())]).tangents(end.z);
-            unit.components().into_iter().zip(rows).map(|(u, row)| row * u).reduce(|a, b| a + b)
-        } else if self.carried.shifted {
-            Some(arena.compose(&self.differences(state, r, constants.h)?))
-        } else {
-            None
-        };
-        let slope = gradient.map(scaled_length);
+        let end = self.end(state)?;
         match self.purpose {
             Purpose::Surface => {
-                let g = gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
-                function.output("gradient", g / slope.unwrap_or(tiny).max(tiny));
+                let gradient = self.gradient(&end, constants.h);
+                let slope = gradient.map_or(arena.f(0.0), scaled_length);
+                let direction = gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
+                function.output("gradient", direction / slope.max(arena.f(1e-30)));
                 function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
-                function.output("de", self.distance(r, slope.unwrap_or(tiny).max(tiny)));
+                function.output("de", self.distance(end.size, slope, n));
             }
-            _ => {
-                let dr = match (end.dr, slope) {
-                    (Some(dr), Some(slope)) => dr.max(slope),
-                    (dr, slope) => dr.or(slope).unwrap_or_else(|| arena.f(1.0)),
-                };
-                function.output("de", self.distance(r, dr.max(tiny)));
+            Purpose::March | Purpose::Probe => {
+                let slope = self.slope(&end, constants.h);
+                function.output("de", self.distance(end.size, slope, n));
             }
         }
         if self.purpose == Purpose::Probe {
-            function.output("r", r);
+            function.output("r", end.z.length());
             let parts = state.z.components();
             let w = parts.get(3).copied().unwrap_or_else(|| arena.f(0.0));
             function.output("z", arena.compose(&[parts[0], parts[1], parts[2], w]));
@@ -53,35 +54,125 @@ impl<'a> OrbitBuilder<'a> {
         Ok(())
     }
 
-    /// Finite differences of r along each axis, all at one iteration count. Of ln r where the form is logarithmic (the
-    /// window of usable steps is far wider there), turned back into a slope of r.
-    fn differences(&self, state: &State<'a>, r: Expr<'a>, h: Expr<'a>) -> ComposeResult<Vec<Expr<'a>>> {
+    fn end(&self, state: &State<'a>) -> ComposeResult<End<'a>> {
+        let arena = self.composer.arena;
         let zero = state.z.lift(0.0);
-        let mut slopes = Vec::new();
-        for z in &state.shifted {
-            let end = self.apply_all(&self.settings.post, Moved { z: *z, dr: None }, zero)?;
-            let shifted = end.z.length();
-            slopes.push(match self.choice.form {
-                DeForm::Logarithmic => (shifted / r).ln() * r / h,
-                DeForm::Linear => (shifted - r) / h,
-            });
-        }
-        Ok(slopes)
+        let moved = self.apply_all(&self.settings.post, Moved { z: state.z, dr: state.dr }, zero)?;
+        let rows = match self.carried.jacobian {
+            true => Differentiator::of_gradients(arena, &[(state.z, state.rows.clone())]).tangents(moved.z),
+            false => Vec::new(),
+        };
+        let along = state.along.map(|along| Differentiator::new(arena, &[(state.z, along)]).derivative(moved.z));
+        let shifted = state.shifted.iter().map(|z| {
+            let moved = self.apply_all(&self.settings.post, Moved { z: *z, dr: None }, zero)?;
+            Ok(moved.z)
+        });
+        let shifted = shifted.collect::<ComposeResult<Vec<_>>>()?;
+        Ok(End { z: moved.z, size: self.size(moved.z), dr: moved.dr, rows, along, shifted })
     }
 
-    /// The estimate in world units; never negative.
-    fn distance(&self, r: Expr<'a>, dr: Expr<'a>) -> Expr<'a> {
-        let zero = self.composer.arena.f(0.0);
+    /// The size of an end point in the sense of the form.
+    fn size(&self, z: Expr<'a>) -> Expr<'a> {
         match self.choice.form {
-            DeForm::Linear => ((r - self.choice.radius) / dr).max(zero),
-            DeForm::Logarithmic => (r * r.ln() * 0.5 / dr).max(zero),
+            DeForm::Linear | DeForm::Logarithmic => z.length(),
+            DeForm::Box => z.abs().components().into_iter().reduce(|a, b| a.max(b)).unwrap_or(z),
+            DeForm::Plane => z.xyz().dot(self.composer.arena.v3(self.choice.axis)).abs(),
         }
     }
-}
 
-/// The length of a 3-vector whose squares may overflow single precision.
-fn scaled_length(v: Expr<'_>) -> Expr<'_> {
-    let parts = v.abs().components();
-    let largest = parts[0].max(parts[1]).max(parts[2]).max(v.arena.f(1e-30));
-    (v / largest).length() * largest
+    /// How fast the size, or z itself, changes per unit of p by the method: the `dr` of every form.
+    fn slope(&self, end: &End<'a>, h: Expr<'a>) -> Expr<'a> {
+        let one = self.composer.arena.f(1.0);
+        let of_gradient = || self.gradient(end, h).map_or(one, scaled_length);
+        match self.choice.method {
+            // Certified orbits end in a function of their own.
+            Method::Scalar | Method::Own | Method::Certified | Method::CertifiedBall => end.dr.unwrap_or(one),
+            Method::Gradient | Method::Potential | Method::Sinh => of_gradient(),
+            Method::Combined => end.dr.map_or_else(of_gradient, |dr| dr.max(of_gradient())),
+            Method::Jacobian => largest_singular_value(&end.rows),
+            Method::Frobenius => frobenius_norm(&end.rows),
+            Method::Directional => end.along.map_or(one, scaled_length),
+            Method::Delta => match self.difference() {
+                Difference::Z => largest_singular_value(&self.changes(end, h)),
+                _ => of_gradient(),
+            },
+            Method::DeltaRay => match self.difference() {
+                Difference::Z => scaled_length((end.shifted[0] - end.z) / h),
+                _ => self.differences(end, h)[0].abs(),
+            },
+        }
+    }
+
+    /// The gradient of the size by p.
+    fn gradient(&self, end: &End<'a>, h: Expr<'a>) -> Option<Expr<'a>> {
+        let arena = self.composer.arena;
+        if self.carried.jacobian {
+            if self.choice.form.is_shape() {
+                let seeds = [(end.z, end.rows.clone())];
+                return Some(Differentiator::of_gradients(arena, &seeds).tangents(end.size)[0]);
+            }
+            // Scaled before squaring: components of J may be as large as the square root of the range.
+            let unit = end.z / end.size.max(arena.f(1e-30));
+            return unit.components().into_iter().zip(&end.rows).map(|(u, row)| *row * u).reduce(|a, b| a + b);
+        }
+        (end.shifted.len() == 3).then(|| arena.compose(&self.differences(end, h)))
+    }
+
+    /// What finite differences are taken of: as wished, else what the form makes smoothest.
+    fn difference(&self) -> Difference {
+        self.choice.difference.unwrap_or(match (self.choice.method, self.choice.form) {
+            // r may stay as it is along a ray that passes by: such steps miss.
+            (Method::DeltaRay, _) => Difference::Z,
+            (_, DeForm::Logarithmic) => Difference::LnR,
+            _ => Difference::R,
+        })
+    }
+
+    /// Finite differences of the size for each shifted point, all at one iteration count.
+    fn differences(&self, end: &End<'a>, h: Expr<'a>) -> Vec<Expr<'a>> {
+        let slope = |z: &Expr<'a>| {
+            let size = self.size(*z);
+            match self.difference() {
+                Difference::LnR => (size / end.size).ln() * end.size / h,
+                Difference::R | Difference::Z => (size - end.size) / h,
+            }
+        };
+        end.shifted.iter().map(slope).collect()
+    }
+
+    /// The Jacobian's rows by finite differences.
+    fn changes(&self, end: &End<'a>, h: Expr<'a>) -> Vec<Expr<'a>> {
+        let arena = self.composer.arena;
+        let columns: Vec<Vec<Expr<'a>>> = end.shifted.iter().map(|z| ((*z - end.z) / h).components()).collect();
+        (0..columns[0].len()).map(|i| arena.compose(&[columns[0][i], columns[1][i], columns[2][i]])).collect()
+    }
+
+    /// The estimate in world units; never negative. A slope of 0 tells nothing: the estimate is 0 and the march walks. One
+    /// that is not a number stays so, to be counted.
+    fn distance(&self, size: Expr<'a>, slope: Expr<'a>, n: Expr<'a>) -> Expr<'a> {
+        let arena = self.composer.arena;
+        let zero = arena.f(0.0);
+        let tiny = arena.f(1e-30);
+        let known = slope.max(tiny);
+        let logarithmic = || size * size.ln() * 0.5 / known;
+        let d = match (self.choice.method, self.choice.form) {
+            // |grad G| = |grad r| / (r power^n), so G / 2 |grad G| is the logarithmic form, and powers cannot overflow.
+            (Method::Potential, _) => logarithmic(),
+            (Method::Sinh, _) => logarithmic() * self.sinh_factor(size, n),
+            (_, DeForm::Logarithmic) => logarithmic(),
+            (_, DeForm::Linear | DeForm::Box | DeForm::Plane) => (size - self.choice.radius) / known,
+        };
+        tiny.lt(slope).select(d.max(zero), slope)
+    }
+
+    /// e^-G sinh G / G = (1 - e^-2G) / 2G, from 1 near the set to 0 far away; G = ln r / power^n.
+    fn sinh_factor(&self, r: Expr<'a>, n: Expr<'a>) -> Expr<'a> {
+        let arena = self.composer.arena;
+        let potential = (r.ln() * (n * -self.choice.power.ln()).exp()).max(arena.f(0.0));
+        let twice = potential * 2.0;
+        let whole = (arena.f(1.0) - (-twice).exp()) / twice.max(arena.f(1e-3));
+        // The difference loses its digits near 0; there the first terms of its series are exact enough.
+        let series = arena.f(1.0) - twice * 0.5 + twice * twice * (1.0 / 6.0) - twice * twice * twice * (1.0 / 24.0);
+        twice.lt(arena.f(1e-2)).select(series, whole)
+    }
 }

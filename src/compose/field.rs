@@ -4,7 +4,7 @@ use super::orbit::compose_orbit;
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
-use crate::graph::{NodeKind, NodeRef, OrbitSettings, Primitive, SphereForm};
+use crate::graph::{DeForm, NodeKind, NodeRef, OrbitSettings, Primitive, SphereForm};
 use crate::kernel::{Estimator, EstimatorInputs};
 
 /// An orbit of the field, and where it stands.
@@ -71,7 +71,7 @@ pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpo
         leaves.push(Leaf { outputs, inside, n });
     }
     let mut combine = Function::new("combine", inputs);
-    let field = FieldBuilder { composer, specs: &specs, leaves: &leaves, purpose };
+    let field = FieldBuilder { composer, specs: &specs, choices, leaves: &leaves, purpose };
     field.outputs(&mut combine);
     Ok(Estimator { orbits, combine })
 }
@@ -97,6 +97,7 @@ struct FieldValue<'g> {
 struct FieldBuilder<'a, 'g> {
     composer: &'a Composer<'g>,
     specs: &'a [FieldOrbit],
+    choices: &'a [Choice],
     leaves: &'a [Leaf<'g>],
     purpose: Purpose,
 }
@@ -158,13 +159,19 @@ impl<'g> FieldBuilder<'_, 'g> {
 
     fn orbit(&self, node: NodeRef, frame: &Frame) -> FieldValue<'g> {
         let i = self.specs.iter().position(|s| s.node == node && s.frame == *frame);
-        let leaf = &self.leaves[i.expect("every orbit of the output was collected")];
+        let i = i.expect("every orbit of the output was collected");
+        let leaf = &self.leaves[i];
         let zero = self.composer.arena.f(0.0);
-        if self.purpose == Purpose::Surface {
-            let d = leaf.inside.select(zero, leaf.outputs[2]);
-            return FieldValue { d, inside: leaf.inside, gradient: Some(leaf.outputs[0]), trap: Some(leaf.outputs[1]) };
-        }
-        FieldValue { d: leaf.inside.select(zero, leaf.outputs[0]), inside: leaf.inside, gradient: None, trap: None }
+        let is_surface = self.purpose == Purpose::Surface;
+        let de = if is_surface { leaf.outputs[2] } else { leaf.outputs[0] };
+        let inside = match self.choices[i].form {
+            DeForm::Linear | DeForm::Logarithmic => leaf.inside,
+            // What has not escaped is in the set where it ends in the shape; a plane is as thick as the hit threshold.
+            DeForm::Box => leaf.inside.and(de.le(zero)),
+            DeForm::Plane => leaf.inside.and(de.le(EstimatorInputs::new(self.composer.arena).hit_eps)),
+        };
+        let shown = |at: usize| is_surface.then(|| leaf.outputs[at]);
+        FieldValue { d: inside.select(zero, de), inside, gradient: shown(0), trap: shown(1) }
     }
 
     fn primitive(&self, primitive: &Primitive, frame: &Frame) -> FieldValue<'g> {

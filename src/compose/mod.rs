@@ -9,6 +9,7 @@ mod certified;
 pub mod choose;
 mod estimate;
 mod field;
+pub mod norm;
 mod orbit;
 pub mod placement;
 

@@ -2,6 +2,7 @@
 
 use rhai::Map;
 
+use super::choose::MEASURED_CYCLE;
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
@@ -22,26 +23,45 @@ pub(super) struct Carried {
     pub(super) scalar: bool,
     /// Rows of the Jacobian by p: the gradient of each component of z.
     pub(super) jacobian: bool,
-    /// Orbits of p + h along each axis.
-    pub(super) shifted: bool,
+    /// Derivative of z along the ray.
+    pub(super) along: bool,
+    /// Orbits of shifted points.
+    pub(super) shifted: Shifted,
     /// Orbit traps.
     pub(super) traps: bool,
 }
 
+/// Which points finite differences are taken to.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shifted {
+    None,
+    /// p + h along each axis.
+    Axes,
+    /// p + h along the ray.
+    Ray,
+}
+
 impl Carried {
+    pub(super) const NOTHING: Carried =
+        Carried { scalar: false, jacobian: false, along: false, shifted: Shifted::None, traps: false };
+
     fn of(choice: &Choice, purpose: Purpose) -> Carried {
-        let surface = purpose == Purpose::Surface;
-        Carried {
-            scalar: !surface && matches!(choice.method, Method::Scalar | Method::Combined),
-            jacobian: match surface {
-                true => choice.differentiable,
-                false => matches!(choice.method, Method::Gradient | Method::Combined),
-            },
-            shifted: match surface {
-                true => !choice.differentiable,
-                false => choice.method == Method::Delta,
-            },
-            traps: surface,
+        if purpose == Purpose::Surface {
+            let shifted = if choice.differentiable { Shifted::None } else { Shifted::Axes };
+            return Carried { jacobian: choice.differentiable, shifted, traps: true, ..Carried::NOTHING };
+        }
+        let nothing = Carried::NOTHING;
+        match choice.method {
+            Method::Scalar => Carried { scalar: true, ..nothing },
+            Method::Gradient | Method::Jacobian | Method::Frobenius | Method::Potential | Method::Sinh => {
+                Carried { jacobian: true, ..nothing }
+            }
+            Method::Combined => Carried { scalar: true, jacobian: true, ..nothing },
+            Method::Directional => Carried { along: true, ..nothing },
+            Method::Delta => Carried { shifted: Shifted::Axes, ..nothing },
+            Method::DeltaRay => Carried { shifted: Shifted::Ray, ..nothing },
+            // Certified orbits have a builder of their own.
+            Method::Own | Method::Certified | Method::CertifiedBall => nothing,
         }
     }
 }
@@ -52,6 +72,7 @@ pub(super) struct State<'g> {
     pub(super) z: Expr<'g>,
     pub(super) dr: Option<Expr<'g>>,
     pub(super) rows: Vec<Expr<'g>>,
+    pub(super) along: Option<Expr<'g>>,
     pub(super) shifted: Vec<Expr<'g>>,
     pub(super) trap: Option<Expr<'g>>,
 }
@@ -65,6 +86,7 @@ impl<'g> State<'g> {
         let mut parts = vec![("z".to_string(), self.z)];
         parts.extend(self.dr.map(|dr| ("dr".to_string(), dr)));
         parts.extend(numbered("j", &self.rows));
+        parts.extend(self.along.map(|along| ("along".to_string(), along)));
         parts.extend(numbered("z", &self.shifted));
         parts.extend(self.trap.map(|trap| ("trap".to_string(), trap)));
         parts
@@ -81,6 +103,7 @@ impl<'g> State<'g> {
             z: input(self.z),
             dr: self.dr.map(&mut input),
             rows: self.rows.iter().map(|e| input(*e)).collect(),
+            along: self.along.map(&mut input),
             shifted: self.shifted.iter().map(|e| input(*e)).collect(),
             trap: self.trap.map(&mut input),
         }
@@ -98,6 +121,10 @@ pub(super) struct Constants<'g> {
     pub(super) dc: Expr<'g>,
     /// Gradients of its components by p.
     pub(super) rows: Vec<Expr<'g>>,
+    /// Its derivative along the ray.
+    pub(super) along: Option<Expr<'g>>,
+    /// It at the shifted points.
+    pub(super) shifted: Vec<Expr<'g>>,
     /// Step of finite differences.
     pub(super) h: Expr<'g>,
 }
@@ -156,7 +183,7 @@ impl<'a> OrbitBuilder<'a> {
             items.push(function);
         }
         let mut finish = Function::new(format!("{name}_finish"), ports);
-        self.finish(&mut finish, &inputs, &constants)?;
+        self.finish(&mut finish, &inputs, &constants, n)?;
         Ok(Orbit {
             name,
             state: start.ports(),
@@ -172,8 +199,12 @@ impl<'a> OrbitBuilder<'a> {
     /// Start values as expressions of the [`EstimatorInputs`].
     fn start(&self) -> ComposeResult<(State<'a>, Constants<'a>)> {
         let arena = self.composer.arena;
-        let EstimatorInputs { p, h, .. } = EstimatorInputs::new(arena);
-        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| arena.v3(axis));
+        let EstimatorInputs { p, d, h, .. } = EstimatorInputs::new(arena);
+        let offsets = match self.carried.shifted {
+            Shifted::None => Vec::new(),
+            Shifted::Axes => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| arena.v3(axis)).to_vec(),
+            Shifted::Ray => vec![d],
+        };
         let begin = |p: Expr<'a>| -> ComposeResult<Moved<'a>> {
             let local = self.frame.local_from_world(p);
             let mut z = local;
@@ -190,15 +221,20 @@ impl<'a> OrbitBuilder<'a> {
             true => Differentiator::by(arena, p).tangents(first.z),
             false => Vec::new(),
         };
-        let shifted = match self.carried.shifted {
-            true => axes.iter().map(|axis| begin(p + *axis * h).map(|m| m.z)).collect::<ComposeResult<Vec<_>>>()?,
-            false => Vec::new(),
-        };
+        let along = self.carried.along.then(|| Differentiator::new(arena, &[(p, d)]).derivative(first.z));
+        let shifted = offsets.iter().map(|offset| begin(p + *offset * h).map(|m| m.z));
+        let shifted = shifted.collect::<ComposeResult<Vec<_>>>()?;
         let far = arena.constant(Type::V4, [1e6; 4]);
-        let state =
-            State { z: first.z, dr: first.dr, rows: rows.clone(), shifted, trap: self.carried.traps.then_some(far) };
+        let state = State {
+            z: first.z,
+            dr: first.dr,
+            rows: rows.clone(),
+            along,
+            shifted: shifted.clone(),
+            trap: self.carried.traps.then_some(far),
+        };
         let dc = first.dr.unwrap_or_else(|| arena.f(0.0));
-        Ok((state, Constants { c: first.z, dc, rows, h }))
+        Ok((state, Constants { c: first.z, dc, rows, along, shifted, h }))
     }
 
     /// Makes the `init` function; what iterations read of the start point becomes frozen inputs unless it is constant.
@@ -225,23 +261,17 @@ impl<'a> OrbitBuilder<'a> {
             e.arena.input(next - 1, e.ty())
         };
         let moves = maps.iter().any(|m| m.constant.start_weight() != 0.0);
-        let zero = |e: Expr<'a>| e.lift(0.0);
-        let Constants { c, dc, rows, h } = constants;
-        let frozen_constants = match moves {
-            true => Constants {
-                c: freeze("c", c),
-                dc: freeze("dc", dc),
-                rows: rows.iter().zip(["c_x", "c_y", "c_z", "c_w"]).map(|(e, name)| freeze(name, *e)).collect(),
-                h: if self.carried.shifted { freeze("h", h) } else { h },
-            },
-            false => Constants {
-                c: zero(c),
-                dc: zero(dc),
-                rows: rows.iter().map(|e| zero(*e)).collect(),
-                h: if self.carried.shifted { freeze("h", h) } else { h },
-            },
+        let mut keep = |name: &str, e: Expr<'a>| if moves { freeze(name, e) } else { e.lift(0.0) };
+        let mut all = |names: [&str; 4], list: &[Expr<'a>]| -> Vec<Expr<'a>> {
+            list.iter().zip(names).map(|(e, name)| keep(name, *e)).collect()
         };
-        (init, frozen, frozen_constants)
+        let rows = all(["c_x", "c_y", "c_z", "c_w"], &constants.rows);
+        let shifted = all(["c_at_x", "c_at_y", "c_at_z", "c_at_w"], &constants.shifted);
+        let along = constants.along.map(|e| keep("c_along", e));
+        let c = keep("c", constants.c);
+        let dc = keep("dc", constants.dc);
+        let h = if self.carried.shifted == Shifted::None { constants.h } else { freeze("h", constants.h) };
+        (init, frozen, Constants { c, dc, rows, along, shifted, h })
     }
 
     /// One iteration: the map, then the constant.
@@ -266,20 +296,20 @@ impl<'a> OrbitBuilder<'a> {
             }
             false => Vec::new(),
         };
+        let along = state.along.zip(constants.along).map(|(along, c_along)| {
+            Differentiator::new(arena, &[(state.z, along), (constants.c, c_along)]).derivative(z)
+        });
         let mut shifted = Vec::new();
-        for (i, z_shifted) in state.shifted.iter().enumerate() {
-            let mut axis = [0.0; 4];
-            axis[i] = 1.0 / self.frame.scale();
-            let offset = arena.constant(z.ty(), axis) * constants.h;
-            let c = self.constant(item.constant, constants.c + offset);
-            let moved = apply(self.composer, &item.map, Moved { z: *z_shifted, dr: None }, c, n)?;
+        for (z, c) in state.shifted.iter().zip(&constants.shifted) {
+            let c = self.constant(item.constant, *c);
+            let moved = apply(self.composer, &item.map, Moved { z: *z, dr: None }, c, n)?;
             shifted.push(moved.z + c);
         }
         let trap = state.trap.map(|trap| {
             let sizes = z.xyz().abs().components();
             trap.min(arena.compose(&[z.xyz().dot(z.xyz()), sizes[0], sizes[1], sizes[2]]))
         });
-        Ok(State { z, dr, rows, shifted, trap })
+        Ok(State { z, dr, rows, along, shifted, trap })
     }
 
     /// The constant of an iteration from the start point's.
@@ -401,19 +431,24 @@ fn param_value<'a>(composer: &Composer<'a>, kind: &ParamKind, value: &ParamInput
     }
 }
 
-/// A function that maps z to r after one cycle of the schedule without its constants: how orbits grow far out.
-pub fn compose_growth(composer: &Composer, root: NodeRef, settings: &OrbitSettings) -> ComposeResult<Function> {
+/// A function that maps z to r after one cycle of the schedule without its constants: how orbits grow far out. Also gives
+/// the number of iterations in it: 16 at most.
+pub fn compose_growth(
+    composer: &Composer,
+    root: NodeRef,
+    settings: &OrbitSettings,
+) -> ComposeResult<(Function, usize)> {
     let width = composer.graph.state_width(root);
     let (maps, schedule) = resolve_schedule(composer.graph, root, settings.constant, settings.max_iterations);
     let mut function = Function::new("growth", vec![Port::new("z", Type::F.with_width(width))]);
     let z = composer.arena.input(0, Type::F.with_width(width));
     let n = composer.arena.f(0.0);
     let mut moved = Moved { z, dr: None };
-    for item in schedule.cycle.iter().take(16) {
+    for item in schedule.cycle.iter().take(MEASURED_CYCLE) {
         moved = apply(composer, &maps[*item].map, moved, z.lift(0.0), n)?;
     }
     function.output("r", moved.z.length());
-    Ok(function)
+    Ok((function, schedule.cycle.len().min(MEASURED_CYCLE)))
 }
 
 /// The steps of a node and of all it is wired to.
@@ -445,12 +480,11 @@ pub(super) fn compose_membership(
     composer: &Composer,
     root: NodeRef,
     settings: &OrbitSettings,
-    choice: &Choice,
 ) -> ComposeResult<crate::kernel::Kernel> {
-    let choice = Choice { method: Method::Scalar, ..choice.clone() };
+    let choice = Choice::default();
     let frame = Frame::default();
     let width = composer.graph.state_width(root);
-    let carried = Carried { scalar: false, jacobian: false, shifted: false, traps: false };
+    let carried = Carried::NOTHING;
     let purpose = Purpose::March;
     let builder = OrbitBuilder { composer, settings, frame: &frame, width, carried, choice: &choice, purpose };
     let orbit = builder.build("membership".to_string(), root)?;

@@ -18,7 +18,9 @@ mod validate;
 pub use overrides::Override;
 pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
-pub use settings::{Camera, Constant, DeForm, EstimateSettings, Look, Method, OrbitSettings};
+pub use settings::{
+    Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, Look, Method, OrbitSettings,
+};
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
 pub use validate::ValidGraph;
 

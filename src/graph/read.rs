@@ -6,7 +6,7 @@ use rhai::Scope;
 
 use super::fields::read_look;
 use super::overrides::{Override, apply_override};
-use super::settings::{Camera, Constant, DeForm, EstimateSettings, Method, OrbitSettings};
+use super::settings::{Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, Method, OrbitSettings};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
 use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
@@ -351,21 +351,37 @@ impl Reader<'_> {
 
     fn estimate(&mut self, value: &Value) -> Option<EstimateSettings> {
         let mut fields = Fields::new(value, "an estimate", self.d)?;
-        let method = fields.optional_value("method").and_then(|v| {
-            self.word(v, "method", &Method::ALL.map(|m| (m.name(), Some(m))))
-                .or_else(|| self.word(v, "method", &[("auto", None)]))
-        });
-        let form = fields.optional_value("form").and_then(|v| {
-            self.word(
-                v,
-                "form",
-                &[("linear", Some(DeForm::Linear)), ("logarithmic", Some(DeForm::Logarithmic)), ("auto", None)],
-            )
-        });
+        let method = self.word_or_auto(&mut fields, "method", &Method::ALL.map(|m| (m.name(), m)));
+        let form = self.word_or_auto(&mut fields, "form", &DeForm::ALL.map(|f| (f.name(), f)));
+        let difference = self.word_or_auto(&mut fields, "difference", &Difference::ALL.map(|x| (x.name(), x)));
         let radius = fields.optional_value("radius").and_then(|v| self.number(v, 0.0, 1e6));
+        let axis = fields.optional_value("axis").and_then(|v| self.direction(v));
         let fudge = fields.optional_value("fudge").and_then(|v| self.number(v, 1e-3, 1.0));
+        let step = fields.optional_value("step").and_then(|v| self.difference_step(v));
         fields.finish(self.d);
-        Some(EstimateSettings { method: method.flatten(), form: form.flatten(), radius, fudge })
+        Some(EstimateSettings { method, form, radius, axis, fudge, difference, step })
+    }
+
+    /// A field that is one of several words, or `auto`, which is as if it were absent.
+    fn word_or_auto<T: Copy>(
+        &mut self,
+        fields: &mut Fields,
+        name: &'static str,
+        words: &[(&'static str, T)],
+    ) -> Option<T> {
+        let mut words: Vec<(&str, Option<T>)> = words.iter().map(|(word, value)| (*word, Some(*value))).collect();
+        words.push(("auto", None));
+        self.word(fields.optional_value(name)?, name, &words).flatten()
+    }
+
+    /// A length in world units, or `Share(part of the estimate)`.
+    fn difference_step(&mut self, value: &Value) -> Option<DifferenceStep> {
+        match &value.kind {
+            ValueKind::Tuple { name: Some(name), items } if name.text == "Share" && items.len() == 1 => {
+                self.number(&items[0], 1e-9, 1.0).map(DifferenceStep::Share)
+            }
+            _ => self.number(value, 1e-15, 1e6).map(DifferenceStep::Fixed),
+        }
     }
 
     /// One of several words, in quotes or not, in any case.
@@ -375,7 +391,9 @@ impl Reader<'_> {
             ValueKind::Variant(name) => name.text.clone(),
             _ => String::new(),
         };
-        if let Some((_, result)) = words.iter().find(|(word, _)| word.eq_ignore_ascii_case(&text)) {
+        // Words without quotes cannot hold a hyphen.
+        let hyphened = text.replace('_', "-");
+        if let Some((_, result)) = words.iter().find(|(word, _)| word.eq_ignore_ascii_case(&hyphened)) {
             return Some(*result);
         }
         let list: Vec<&str> = words.iter().map(|(word, _)| *word).collect();

@@ -33,10 +33,24 @@ pub enum Method {
     Scalar,
     /// The exact gradient of r, by differentiating the graph.
     Gradient,
+    /// The largest singular value of the Jacobian: how much any direction is stretched.
+    Jacobian,
+    /// The root of the sum of the Jacobian's squares: from 1 to 1.74 times the largest singular value.
+    Frobenius,
     /// The smaller of scalar and gradient.
     Combined,
-    /// Finite differences of r at equal iteration count (Makin/Buddhi).
+    /// The length of J d: how much the ray's own direction is stretched.
+    Directional,
+    /// Finite differences along the three axes, at equal iteration count (Makin/Buddhi).
     Delta,
+    /// One finite difference, along the ray.
+    DeltaRay,
+    /// G / 2 |grad G| with the potential G = ln r / power^n (Quilez, with the half).
+    Potential,
+    /// e^-G sinh G / 2 |grad G| (Christensen).
+    Sinh,
+    /// The node's own distance: primitives.
+    Own,
     /// A proof: the segment of the ray around the point that holds nothing of the set.
     Certified,
     /// A proof: the ball around the point that holds nothing of the set.
@@ -45,49 +59,175 @@ pub enum Method {
 
 impl Method {
     /// All methods, in the order of listings.
-    pub const ALL: [Method; 6] = [
+    pub const ALL: [Method; 13] = [
         Method::Scalar,
         Method::Gradient,
+        Method::Jacobian,
+        Method::Frobenius,
         Method::Combined,
+        Method::Directional,
         Method::Delta,
+        Method::DeltaRay,
+        Method::Potential,
+        Method::Sinh,
+        Method::Own,
         Method::Certified,
         Method::CertifiedBall,
     ];
 
     /// True for methods that prove what they say.
-    pub fn is_certified(self) -> bool {
+    pub const fn is_certified(self) -> bool {
         matches!(self, Method::Certified | Method::CertifiedBall)
     }
 
     /// The name in files, flags and listings.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Method::Scalar => "scalar",
             Method::Gradient => "gradient",
+            Method::Jacobian => "jacobian",
+            Method::Frobenius => "frobenius",
             Method::Combined => "combined",
+            Method::Directional => "directional",
             Method::Delta => "delta",
+            Method::DeltaRay => "delta-ray",
+            Method::Potential => "potential",
+            Method::Sinh => "sinh",
+            Method::Own => "own",
             Method::Certified => "certified",
             Method::CertifiedBall => "certified-ball",
         }
     }
+
+    /// What it is, in a few words.
+    pub const fn summary(self) -> &'static str {
+        match self {
+            Method::Scalar => "the steps' own derivative rules",
+            Method::Gradient => "the exact gradient of r",
+            Method::Jacobian => "the largest singular value of the Jacobian",
+            Method::Frobenius => "the Frobenius norm of the Jacobian, a cheap bound of `jacobian`",
+            Method::Combined => "the smaller of scalar and gradient",
+            Method::Directional => "the stretch along the ray",
+            Method::Delta => "finite differences along the three axes",
+            Method::DeltaRay => "one finite difference, along the ray",
+            Method::Potential => "half the potential over its gradient",
+            Method::Sinh => "the potential with a hyperbolic sine, safe far away",
+            Method::Own => "the distance that primitives have themselves",
+            Method::Certified => "a proof: the segment of the ray that holds nothing of the set",
+            Method::CertifiedBall => "a proof: the ball that holds nothing of the set",
+        }
+    }
+
+    /// Whether it takes finite differences, and so needs a step for them.
+    pub const fn is_difference(self) -> bool {
+        matches!(self, Method::Delta | Method::DeltaRay)
+    }
+
+    /// Whether it differentiates the graph.
+    pub const fn is_exact(self) -> bool {
+        !matches!(self, Method::Scalar | Method::Delta | Method::DeltaRay | Method::Own) && !self.is_certified()
+    }
+
+    /// Whether it is a form of its own, made of the potential.
+    pub const fn is_potential(self) -> bool {
+        matches!(self, Method::Potential | Method::Sinh)
+    }
 }
 
-/// How r and its derivative become a distance.
+/// How the end state and its derivative become a distance.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
 pub enum DeForm {
     /// `(r - radius) / dr`, for orbits that grow by a factor.
     Linear,
     /// `r ln r / 2 dr`, for orbits that grow by a power.
     Logarithmic,
+    /// `(largest component of z - radius) / dr`: the distance to a cube of half side `radius`, for attractors that are
+    /// boxes. Orbits that do not escape are inside only where they end in the cube.
+    Box,
+    /// `(distance of z from the plane through 0 across axis - radius) / dr`, for orbits that need not escape, such as those
+    /// of pseudo-Kleinian systems. Such an orbit is inside only where it ends in the slab.
+    Plane,
 }
 
 impl DeForm {
+    /// All forms, in the order of listings.
+    pub const ALL: [DeForm; 4] = [DeForm::Linear, DeForm::Logarithmic, DeForm::Box, DeForm::Plane];
+
     /// The name in files, flags and listings.
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             DeForm::Linear => "linear",
             DeForm::Logarithmic => "logarithmic",
+            DeForm::Box => "box",
+            DeForm::Plane => "plane",
         }
+    }
+
+    /// What it is for, in a few words.
+    pub const fn summary(self) -> &'static str {
+        match self {
+            DeForm::Linear => "(r - radius) / dr, for orbits that grow by a factor",
+            DeForm::Logarithmic => "r ln r / 2 dr, for orbits that grow by a power",
+            DeForm::Box => "distance to a cube, for attractors that are boxes",
+            DeForm::Plane => "distance to a plane, for orbits that need not escape",
+        }
+    }
+
+    /// Whether the form is that of an end shape, which decides membership of orbits that have not escaped.
+    pub const fn is_shape(self) -> bool {
+        matches!(self, DeForm::Box | DeForm::Plane)
+    }
+}
+
+/// What finite differences are taken of.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+pub enum Difference {
+    /// r.
+    R,
+    /// ln r, turned back into a slope of r: its window of usable steps is far wider where r grows by a power.
+    LnR,
+    /// The vector z: the length of its change, or the largest singular value of all three changes.
+    Z,
+}
+
+impl Difference {
+    /// All of them, in the order of listings.
+    pub const ALL: [Difference; 3] = [Difference::R, Difference::LnR, Difference::Z];
+
+    /// The name in files, flags and listings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Difference::R => "r",
+            Difference::LnR => "ln-r",
+            Difference::Z => "z",
+        }
+    }
+}
+
+/// The step of finite differences, before the precision's least step.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum DifferenceStep {
+    /// A share of the last estimate.
+    Share(f64),
+    /// A length in world units.
+    Fixed(f64),
+}
+
+impl Default for DifferenceStep {
+    /// A hundredth: larger steps see beyond the surface, smaller ones lose digits.
+    fn default() -> Self {
+        DifferenceStep::Share(0.01)
+    }
+}
+
+impl DifferenceStep {
+    /// The step at a point whose last estimate is `de`; `least` stands in where it is unknown or below that.
+    pub fn length(self, de: f64, least: f64) -> f64 {
+        let wanted = match self {
+            DifferenceStep::Share(share) => de * share,
+            DifferenceStep::Fixed(step) => step,
+        };
+        if wanted.is_finite() { wanted.max(least) } else { least }
     }
 }
 
@@ -98,10 +238,32 @@ pub struct EstimateSettings {
     pub method: Option<Method>,
     /// Form.
     pub form: Option<DeForm>,
-    /// Radius of the linear form: of a ball around the attractor, in the final frame.
+    /// Radius of the linear form (of a ball around the attractor), half side of the box, half thickness of the plane; in
+    /// the final frame.
     pub radius: Option<f64>,
+    /// Unit normal of the plane form.
+    pub axis: Option<[f64; 3]>,
     /// Step multiplier in (0, 1].
     pub fudge: Option<f64>,
+    /// What finite differences are taken of.
+    pub difference: Option<Difference>,
+    /// Step of finite differences.
+    pub step: Option<DifferenceStep>,
+}
+
+impl EstimateSettings {
+    /// These settings where they are given, else those of `other`.
+    pub fn or(self, other: EstimateSettings) -> EstimateSettings {
+        EstimateSettings {
+            method: self.method.or(other.method),
+            form: self.form.or(other.form),
+            radius: self.radius.or(other.radius),
+            axis: self.axis.or(other.axis),
+            fudge: self.fudge.or(other.fudge),
+            difference: self.difference.or(other.difference),
+            step: self.step.or(other.step),
+        }
+    }
 }
 
 /// How an orbit is iterated.

@@ -11,6 +11,7 @@ mod certified;
 pub use certified::is_undecided;
 
 use crate::expr::{Arena, Expr, Function, Port, Type};
+use crate::graph::DifferenceStep;
 use crate::kernel::{Estimator, March, Status, march_state_ports, ray_ports};
 
 /// How far rays go and when they stop.
@@ -29,6 +30,8 @@ pub struct MarchSettings {
     pub min_difference: f64,
     /// Whether estimates are proofs: `h` then says how far the next one is to reach.
     pub certified: bool,
+    /// Step of finite differences, where that is above the least one.
+    pub difference_step: DifferenceStep,
 }
 
 /// [`MarchSettings::min_difference`] for single precision.
@@ -45,6 +48,7 @@ impl Default for MarchSettings {
             max_march_steps: 1000,
             min_difference: MIN_DIFFERENCE_F32,
             certified: false,
+            difference_step: DifferenceStep::default(),
         }
     }
 }
@@ -116,8 +120,11 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
         let sizes = p.abs().components();
         sizes[0].max(sizes[1]).max(sizes[2]).max(arena.f(1.0))
     };
-    // A hundredth of the last estimate; before the first one, of the threshold's order.
-    let wanted = ray.last_de * 0.01;
+    // A share of the last estimate is below 0, and the least step taken, before there is one.
+    let wanted = match settings.difference_step {
+        DifferenceStep::Share(share) => ray.last_de * share,
+        DifferenceStep::Fixed(step) => arena.f(step),
+    };
     function.output("p", p);
     function.output("d", ray.direction);
     let h = match settings.certified {

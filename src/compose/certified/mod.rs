@@ -153,10 +153,8 @@ impl<'a> Builder<'a> {
 
         let moved = start.as_inputs(0, false);
         let s = arena.input((state.len() - 1) as u16, Type::F);
-        let fixed = Frozen {
-            e0: arena.input(state.len() as u16, Type::F),
-            start: start.as_inputs(state.len() + 1, true),
-        };
+        let fixed =
+            Frozen { e0: arena.input(state.len() as u16, Type::F), start: start.as_inputs(state.len() + 1, true) };
         let mut ports: Vec<Port> = state.iter().chain(&frozen).cloned().collect();
         let n = arena.input(ports.len() as u16, Type::F);
         ports.push(Port::new("n", Type::F));
@@ -203,8 +201,7 @@ impl<'a> Builder<'a> {
             z,
             l: arena.f(1.0 / self.frame.scale()),
             eta: z.length() * (4.0 * self.choice.unit),
-            segment: along
-                .then(|| (widen(Differentiator::new(arena, &[(p, d)]).derivative(local), 0.0), zero)),
+            segment: along.then(|| (widen(Differentiator::new(arena, &[(p, d)]).derivative(local), 0.0), zero)),
         };
         let context =
             Context { composer: self.composer, e0, c: z.lift(0.0), c_l: zero, n: zero, unit: self.choice.unit };

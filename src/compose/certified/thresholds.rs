@@ -56,9 +56,7 @@ fn pull_back(composer: &Composer, map: &MapTree, t: f64, n: Expr, width: u8) -> 
     match map {
         MapTree::Identity => Ok(t),
         MapTree::Step(node) => pull_back_step(composer, *node, t, n, width),
-        MapTree::Sequence(parts) => {
-            parts.iter().rev().try_fold(t, |t, part| pull_back(composer, part, t, n, width))
-        }
+        MapTree::Sequence(parts) => parts.iter().rev().try_fold(t, |t, part| pull_back(composer, part, t, n, width)),
         MapTree::Repeat(of, times) => (0..*times).try_fold(t, |t, _| pull_back(composer, of, t, n, width)),
         MapTree::Blend(..) => Ok(f64::INFINITY),
         MapTree::Choose(_, then, otherwise) => {

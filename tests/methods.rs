@@ -1,0 +1,506 @@
+//! Every estimate method and form against answers known from theory, on every back end.
+
+use bulbfold::check::{Backends, Formula, Random, Subject, Target};
+use bulbfold::compose::norm::{frobenius_norm, largest_singular_value};
+use bulbfold::compose::{Choice, Purpose, compose_estimator};
+use bulbfold::expr::{Arena, Function, Port, Type};
+use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method};
+use bulbfold::kernel::{Estimator, Kernel};
+use bulbfold::march::{MarchSettings, compose_march};
+
+type P = [f64; 3];
+
+thread_local! {
+    /// Opened once a test, and never closed: drivers cannot be while a thread ends.
+    static BACKENDS: &'static Backends = Box::leak(Box::new(Backends::new()));
+}
+
+fn backends() -> &'static Backends {
+    BACKENDS.with(|backends| *backends)
+}
+
+/// Relative error (absolute below 1) by target. f32: 24 bits through some twenty operations.
+fn slack(target: Target) -> f64 {
+    if target == Target::CpuF64 { 1e-9 } else { 1e-4 }
+}
+
+fn length(p: P) -> f64 {
+    p.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+fn largest(p: P) -> f64 {
+    p.iter().fold(0.0, |a: f64, b| a.max(b.abs()))
+}
+
+fn sphere_points(count: usize, from: f64, to: f64) -> Vec<P> {
+    let mut random = Random::new(5);
+    let point = |random: &mut Random| {
+        let r = random.range(from, to);
+        random.direction().map(|x| x * r)
+    };
+    (0..count).map(|_| point(&mut random)).collect()
+}
+
+fn directions(count: usize) -> Vec<P> {
+    let mut random = Random::new(9);
+    (0..count).map(|_| random.direction()).collect()
+}
+
+fn formula(text: &str) -> Formula {
+    Formula::from_ron(text).unwrap_or_else(|error| panic!("{text}\n{error}"))
+}
+
+/// Where estimates are asked for: points, the rays' directions, and the step of differences.
+struct Query<'a> {
+    points: &'a [P],
+    directions: &'a [P],
+    h: f64,
+}
+
+/// Columns `de, inside, n, r, z` on a target, with the plan's choices changed by `change`.
+fn probe(subject: &Subject, target: Target, query: &Query, change: impl Fn(&mut Choice)) -> Vec<Vec<f64>> {
+    let mut choices = subject.plan.choices.clone();
+    choices.iter_mut().for_each(change);
+    let estimator = compose_estimator(&subject.composer(), &choices, Purpose::Probe);
+    let kernel = Kernel::Estimate(estimator.unwrap_or_else(|e| panic!("{}", e.message)));
+    let columns = Estimator::columns(query.points, query.directions, &[query.h], 1e-9);
+    backends().run(target, subject.arena, &kernel, &columns).unwrap()
+}
+
+/// Checks a method's estimates on every target against a function of point and direction.
+fn expect(text: &str, query: &Query, extra: f64, change: impl Fn(&mut Choice) + Copy, expected: impl Fn(P, P) -> f64) {
+    let formula = formula(text);
+    let subject = formula.subject();
+    for target in backends().targets() {
+        let found = probe(&subject, target, query, change);
+        for (i, p) in query.points.iter().enumerate() {
+            let d = query.directions[i % query.directions.len()];
+            let (wanted, de) = (expected(*p, d), found[0][i]);
+            let near = (de - wanted).abs() <= (slack(target) + extra) * wanted.abs().max(1.0);
+            assert!(near, "{target:?} at {p:?} along {d:?}: expected {wanted}, found {de}\n{text}");
+        }
+    }
+}
+
+fn with(method: Method) -> impl Fn(&mut Choice) + Copy {
+    move |choice| choice.method = method
+}
+
+const EXACT: [Method; 6] =
+    [Method::Scalar, Method::Gradient, Method::Jacobian, Method::Combined, Method::Directional, Method::Frobenius];
+
+/// Factor 2 a step about the origin: z = 2^n p at the first n where that is above 1000.
+const GROWING: &str = r#"(nodes: { "grow": scale(scale: 2.0) }, constant: Off, escape_radius: 1000, max_iterations: 60,
+    bounding_radius: 4, estimate: (form: linear, radius: 12))"#;
+
+fn growing_iterations(p: P) -> f64 {
+    (1000.0 / length(p)).log2().ceil().max(1.0)
+}
+
+/// sqrt(3) for the norm that counts all three directions.
+fn norm_of_unit(method: Method) -> f64 {
+    if method == Method::Frobenius { 3f64.sqrt() } else { 1.0 }
+}
+
+#[test]
+fn uniform_scaling_has_one_answer_for_every_method_and_form() {
+    let points = sphere_points(60, 0.05, 3.0);
+    let query = Query { points: &points, directions: &directions(60), h: 1e-4 };
+    let axis = [0.6, 0.0, 0.8];
+    for form in [DeForm::Linear, DeForm::Box, DeForm::Plane] {
+        let size = |p: P| match form {
+            DeForm::Box => largest(p),
+            DeForm::Plane => (0.6 * p[0] + 0.8 * p[2]).abs(),
+            _ => length(p),
+        };
+        for method in EXACT {
+            // The gradient of a box's or slab's size is 1 long as well: along one axis.
+            let of_size = method == Method::Gradient;
+            let stretch = if of_size { 1.0 } else { norm_of_unit(method) };
+            let change = move |choice: &mut Choice| {
+                *choice = Choice { method, form, axis, ..choice.clone() };
+            };
+            let radius = 12.0;
+            let expected = |p: P, _: P| ((size(p) - radius / 2f64.powf(growing_iterations(p))) / stretch).max(0.0);
+            let change = move |choice: &mut Choice| {
+                change(choice);
+                choice.radius = radius;
+            };
+            expect(GROWING, &query, 0.0, change, expected);
+        }
+    }
+}
+
+/// Forward differences of |p| itself, whose answer for any step is elementary.
+#[test]
+fn finite_differences_are_those_of_r_of_its_logarithm_and_of_z() {
+    let points = sphere_points(60, 0.3, 3.0);
+    let rays = directions(60);
+    for h in [0.3, 0.01] {
+        let query = Query { points: &points, directions: &rays, h };
+        let plus = |p: P, d: P| [0, 1, 2].map(|i| p[i] + h * d[i]);
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        for difference in Difference::ALL {
+            let slope = move |p: P, d: P| match difference {
+                Difference::R => (length(plus(p, d)) - length(p)) / h,
+                Difference::LnR => (length(plus(p, d)) / length(p)).ln() * length(p) / h,
+                Difference::Z => 1.0,
+            };
+            let change = |method: Method| {
+                move |choice: &mut Choice| {
+                    *choice = Choice { method, difference: Some(difference), radius: 0.0, ..choice.clone() };
+                }
+            };
+            let delta = |p: P, _: P| match difference {
+                Difference::Z => length(p),
+                _ => length(p) / length(axes.map(|axis| slope(p, axis))),
+            };
+            let extra = if h < 0.1 { 2e-4 } else { 0.0 }; // f32: digits that the difference loses
+            expect(GROWING, &query, extra, change(Method::Delta), delta);
+            // Along rays that nearly keep r, a difference of r says anything.
+            let steep: Vec<(P, P)> =
+                points.iter().copied().zip(rays.iter().copied()).filter(|(p, d)| slope(*p, *d).abs() > 0.2).collect();
+            let (steep_points, steep_rays): (Vec<P>, Vec<P>) = steep.into_iter().unzip();
+            let query = Query { points: &steep_points, directions: &steep_rays, h };
+            expect(GROWING, &query, 2e-3, change(Method::DeltaRay), |p, d| length(p) / slope(p, d).abs());
+        }
+    }
+}
+
+/// One iteration of a linear map that is neither symmetric nor a similarity.
+#[test]
+fn linear_maps_have_the_norms_of_their_matrix() {
+    let matrix = [[1.5, 0.4, -0.2], [0.0, 0.7, 0.9], [0.25, -0.1, 2.5]];
+    let text = format!(
+        r#"(nodes: {{ "map": linear(matrix: [{}]) }}, constant: Off, escape_radius: 0.001, max_iterations: 1,
+            bounding_radius: 4, estimate: (form: linear, radius: 0.25))"#,
+        matrix.map(|r| format!("({}, {}, {})", r[0], r[1], r[2])).join(", ")
+    );
+    let times = |v: P| matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2]);
+    let points = sphere_points(60, 0.5, 3.0);
+    let rays = directions(60);
+    let query = Query { points: &points, directions: &rays, h: 0.05 };
+    let expect = |method: Method, slope: &dyn Fn(P, P) -> f64| {
+        let change = move |choice: &mut Choice| {
+            (choice.method, choice.difference) = (method, Some(Difference::Z));
+        };
+        expect(&text, &query, 1e-4 * f64::from(u8::from(method.is_difference())), change, |p, d| {
+            (length(times(p)) - 0.25) / slope(p, d)
+        });
+    };
+    let largest = singular_value(&matrix.map(|r| r.to_vec()));
+    let transposed = |v: P| [0, 1, 2].map(|j| (0..3).map(|i| matrix[i][j] * v[i]).sum::<f64>());
+    let gradient = |p: P| length(transposed(times(p))) / length(times(p));
+    let all = matrix.iter().flatten().map(|x| x * x).sum::<f64>().sqrt();
+    expect(Method::Jacobian, &|_, _| largest);
+    expect(Method::Scalar, &|_, _| largest);
+    expect(Method::Frobenius, &|_, _| all);
+    expect(Method::Directional, &|_, d| length(times(d)));
+    expect(Method::Gradient, &|p, _| gradient(p));
+    expect(Method::Combined, &|p, _| gradient(p).max(largest));
+    expect(Method::DeltaRay, &|_, d| length(times(d)));
+    expect(Method::Delta, &|_, _| largest);
+}
+
+/// z^2 of quaternions with c = 0: |z| = |p|^(2^n), every direction in the plane of p and the real axis is stretched by
+/// 2^n |p|^(2^n - 1) and no other by more.
+#[test]
+fn powers_have_the_potential_ln_r() {
+    let square = r#"(nodes: { "square": quaternion_square() }, constant: Julia((0, 0, 0)), escape_radius: 10,
+        max_iterations: 30, bounding_radius: 2)"#;
+    let bulb = r#"(nodes: { "bulb": bulb_power(power: 8) }, constant: Julia((0, 0, 0)), escape_radius: 10,
+        max_iterations: 30, bounding_radius: 2)"#;
+    let points = sphere_points(60, 1.05, 3.0);
+    let radial: Vec<P> = points.iter().map(|p| p.map(|x| -x / length(*p))).collect();
+    let query = Query { points: &points, directions: &radial, h: 1e-4 };
+    let logarithmic = |p: P, _: P| length(p) * length(p).ln() / 2.0;
+    for (text, methods) in [
+        (square, [Method::Scalar, Method::Gradient, Method::Potential, Method::Directional, Method::Jacobian]),
+        (bulb, [Method::Scalar, Method::Gradient, Method::Potential, Method::Directional, Method::Combined]),
+    ] {
+        for method in methods {
+            expect(text, &query, 0.0, with(method), logarithmic);
+        }
+        for method in [Method::Delta, Method::DeltaRay] {
+            expect(text, &query, 2e-2, with(method), logarithmic);
+        }
+        // e^-G sinh G / 2 |grad G| with G = ln r is (r - 1/r) / 4: never above half the distance r - 1 times (1 + 1/r).
+        expect(text, &query, 0.0, with(Method::Sinh), |p, _| (length(p) - 1.0 / length(p)) / 4.0);
+    }
+}
+
+/// Potential and sinh on whole formulas, where iterations differ from point to point.
+#[test]
+fn potential_and_sinh_follow_from_the_gradient() {
+    for (name, text) in [
+        ("bulb", r#"(nodes: { "bulb": bulb_power(power: 8) }, escape_radius: 4, bounding_radius: 2)"#),
+        (
+            "mixed",
+            r#"(nodes: { "bulb": bulb_power(power: 4), "fold": box_fold(),
+            "y": Alternate(["bulb", "fold"]) }, output: "y", escape_radius: 10, bounding_radius: 2)"#,
+        ),
+    ] {
+        let formula = formula(text);
+        let subject = formula.subject();
+        let points = sphere_points(80, 1.3, 3.0);
+        let query = Query { points: &points, directions: &directions(1), h: 1e-4 };
+        // A fold keeps the power, so a cycle of two grows by 4.
+        let per_iteration = if name == "bulb" { 8.0 } else { 2.0 };
+        for target in backends().targets() {
+            let at = |method| {
+                probe(&subject, target, &query, move |choice| {
+                    (choice.method, choice.form) = (method, DeForm::Logarithmic);
+                })
+            };
+            let (gradient, potential, sinh) = (at(Method::Gradient), at(Method::Potential), at(Method::Sinh));
+            for i in (0..points.len()).filter(|&i| gradient[1][i] < 0.5) {
+                assert_eq!(gradient[0][i], potential[0][i], "{name} {target:?} at {:?}", points[i]);
+                let g = gradient[3][i].ln() / f64::powf(per_iteration, gradient[2][i]);
+                let wanted = gradient[0][i] * -f64::exp_m1(-2.0 * g) / (2.0 * g);
+                let tolerance = if target == Target::CpuF64 { 1e-6 } else { 1e-3 };
+                assert!(
+                    (sinh[0][i] - wanted).abs() <= tolerance * wanted,
+                    "{name} {target:?} at {:?}: expected {wanted}, found {}",
+                    points[i],
+                    sinh[0][i]
+                );
+            }
+        }
+    }
+}
+
+/// The sponge fills its cube's faces, so from outside the box form is the distance to the cube in the largest component.
+#[test]
+fn box_form_of_the_menger_sponge_is_its_cube() {
+    let text = r#"(nodes: { "fold": menger_fold(), "grow": scale(scale: 3, centre: (1, 1, 1)),
+        "level": Sequence(["fold", "grow"]) }, output: "level", constant: Off, escape_radius: 100, max_iterations: 6,
+        bounding_radius: 2, estimate: (method: scalar, form: box, radius: 1))"#;
+    let points = sphere_points(100, 1.75, 2.0);
+    let query = Query { points: &points, directions: &directions(1), h: 1e-4 };
+    expect(text, &query, 0.0, |_| {}, |p, _| largest(p) - 1.0);
+    // Six levels are a set of small cubes: their corners are in, the middle of every tunnel is out.
+    let formula = formula(text);
+    for p in [[1.0, 1.0, 1.0], [0.999, 0.5, 0.4], [-1.0, 1.0, 0.9]] {
+        assert!(formula.inside(p), "{p:?}");
+    }
+    for p in [[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.5, 0.2, -0.1], [1.001, 0.5, 0.4], [0.8, 0.8, 2.0 / 3.0 - 0.07]] {
+        assert!(!formula.inside(p), "{p:?}");
+    }
+    // From the middle of the largest tunnel it is a third to its walls.
+    assert!((formula.chosen_estimate([0.0, 0.0, 0.0]) - 1.0 / 3.0).abs() < 1e-12);
+}
+
+/// An orbit that never escapes has a slab around it: the plane form's own membership.
+#[test]
+fn plane_form_draws_orbits_that_do_not_escape() {
+    let text = r#"(nodes: { "turn": rotate(axis: (1, 0, 0), angle: 90) }, constant: Off, escape_radius: 100,
+        max_iterations: 3, bounding_radius: 4, estimate: (method: scalar, form: plane, axis: (0, 0, 2), radius: 0.25))"#;
+    let points = sphere_points(100, 0.0, 3.0);
+    let query = Query { points: &points, directions: &directions(1), h: 1e-4 };
+    // Three quarter turns about x bring y to z.
+    expect(text, &query, 0.0, |_| {}, |p, _| (p[1].abs() - 0.25).max(0.0));
+    let formula = formula(text);
+    assert!(formula.inside([2.0, 0.2, 1.0]) && !formula.inside([2.0, 0.3, 0.0]));
+    let depth = formula.ray([0.5, 4.0, 0.5], [0.0, -1.0, 0.0]).expect("the slab is met");
+    assert!((depth - 3.75).abs() < 1e-5, "{depth}");
+}
+
+/// Shifted points keep their own constants, however the field is turned.
+#[test]
+fn finite_differences_agree_with_derivatives_in_turned_frames() {
+    let text = r#"(nodes: { "square": quaternion_square(), "turned": Transform(of: "square", translate: (0.2, 0.1, 0),
+        axis: (1, 1, 0), angle: 50, scale: 1.5) }, output: "turned", escape_radius: 50, bounding_radius: 3)"#;
+    let formula = formula(text);
+    let subject = formula.subject();
+    let points = sphere_points(60, 3.0, 4.0);
+    let query = Query { points: &points, directions: &directions(60), h: 1e-6 };
+    for (exact, differences) in [
+        (Method::Gradient, (Method::Delta, Difference::LnR)),
+        (Method::Jacobian, (Method::Delta, Difference::Z)),
+        (Method::Directional, (Method::DeltaRay, Difference::Z)),
+    ] {
+        let wanted = probe(&subject, Target::CpuF64, &query, with(exact));
+        let found = probe(&subject, Target::CpuF64, &query, |choice| {
+            (choice.method, choice.difference) = (differences.0, Some(differences.1));
+        });
+        for (a, b) in wanted[0].iter().zip(&found[0]) {
+            assert!((a - b).abs() < 1e-4 * a, "{exact:?}: {a} {b}");
+        }
+    }
+}
+
+/// The root of the largest eigenvalue of M^T M, by many steps of squaring: independent of the closed form.
+fn singular_value(rows: &[Vec<f64>]) -> f64 {
+    let mut gram = [[0.0; 3]; 3];
+    for row in rows {
+        for i in 0..3 {
+            for j in 0..3 {
+                gram[i][j] += row[i] * row[j];
+            }
+        }
+    }
+    let trace = |m: &[[f64; 3]; 3]| m[0][0] + m[1][1] + m[2][2];
+    // tr(G^(2^k))^(1 / 2^k) tends to the largest eigenvalue; each square is scaled to trace 1.
+    let (mut value, mut share) = (trace(&gram).ln(), 1.0);
+    if trace(&gram) == 0.0 {
+        return 0.0;
+    }
+    gram = gram.map(|row| row.map(|x| x / value.exp()));
+    for _ in 0..60 {
+        let mut square = [[0.0; 3]; 3];
+        for i in 0..3 {
+            for j in 0..3 {
+                square[i][j] = (0..3).map(|k| gram[i][k] * gram[k][j]).sum();
+            }
+        }
+        share /= 2.0;
+        let size = trace(&square);
+        value += size.ln() * share;
+        gram = square.map(|row| row.map(|x| x / size));
+    }
+    (value / 2.0).exp()
+}
+
+fn matrices() -> Vec<Vec<f64>> {
+    let mut random = Random::new(3);
+    let mut all: Vec<Vec<f64>> = [
+        [3.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0],
+        [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0],
+        [1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0],
+        [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0],
+        [0.0, -2.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.5],
+        [1.0, 2.0, 3.0, 2.0, 4.0, 6.0, -1.0, -2.0, -3.0],
+        [0.0; 9],
+        [1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        [2.0, 1e-7, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0],
+    ]
+    .map(|m| m.to_vec())
+    .to_vec();
+    for i in 0..200 {
+        let scale = 10f64.powf(random.range(-8.0, 15.0));
+        let mut m: Vec<f64> = (0..9).map(|_| random.range(-1.0, 1.0) * scale).collect();
+        if i % 2 == 0 {
+            // Two singular values of a random size along random axes, the third one smaller.
+            let (n, low) = (random.direction(), random.range(0.0, 1.0));
+            m = (0..9).map(|k| (f64::from(u8::from(k % 4 == 0)) - (1.0 - low) * n[k / 3] * n[k % 3]) * scale).collect();
+        }
+        all.push(m);
+    }
+    all
+}
+
+#[test]
+fn largest_singular_values_are_exact_to_rounding() {
+    let arena = Arena::default();
+    let mut function = Function::new("norms", ["a", "b", "c"].map(|name| Port::new(name, Type::V3)).to_vec());
+    let rows = function.input_exprs(&arena);
+    function.output("largest", largest_singular_value(&rows));
+    function.output("all", frobenius_norm(&rows));
+    let twice: Vec<_> = rows.iter().chain(&rows[..1]).copied().collect();
+    function.output("of_four", largest_singular_value(&twice));
+    let kernel = Kernel::Map(function);
+    let all = matrices();
+    let columns: Vec<Vec<f64>> = (0..9).map(|k| all.iter().map(|m| m[k]).collect()).collect();
+    for target in backends().targets() {
+        let found = backends().run(target, &arena, &kernel, &columns).unwrap();
+        let tolerance = if target == Target::CpuF64 { 1e-13 } else { 2e-6 };
+        for (i, m) in all.iter().enumerate() {
+            let rows: Vec<Vec<f64>> = m.chunks(3).map(<[f64]>::to_vec).collect();
+            let four: Vec<Vec<f64>> = rows.iter().chain(&rows[..1]).cloned().collect();
+            let all = m.iter().map(|x| x * x).sum::<f64>().sqrt();
+            for (column, wanted) in [(0, singular_value(&rows)), (1, all), (2, singular_value(&four))] {
+                let near = (found[column][i] - wanted).abs() <= tolerance * wanted + 1e-29;
+                assert!(near, "{target:?} {column} {m:?}: expected {wanted}, found {}", found[column][i]);
+            }
+        }
+    }
+}
+
+/// The step of finite differences that a march takes: the share or length asked for, above the precision's least one.
+#[test]
+fn marches_take_the_step_that_is_asked_for() {
+    let text =
+        r#"(nodes: { "square": quaternion_square() }, bounding_radius: 2, estimate: (method: delta, step: STEP))"#;
+    let (least, last_de, p) = (1e-5, 0.5, [3.0, 0.0, 0.0]);
+    for (step, parsed, wanted) in [
+        ("Share(0.1)", DifferenceStep::Share(0.1), 0.05),
+        ("Share(1e-6)", DifferenceStep::Share(1e-6), 3e-5),
+        ("0.002", DifferenceStep::Fixed(0.002), 0.002),
+        ("1e-9", DifferenceStep::Fixed(1e-9), 3e-5),
+    ] {
+        let formula = formula(&text.replace("STEP", step));
+        let plan = formula.plan();
+        assert_eq!((plan.choices[0].method, plan.difference_step), (Method::Delta, parsed));
+        let subject = formula.subject();
+        let estimator = compose_estimator(&subject.composer(), &plan.choices, Purpose::March);
+        let settings = MarchSettings { min_difference: least, difference_step: parsed, ..MarchSettings::default() };
+        let march = compose_march(subject.arena, estimator.unwrap_or_else(|e| panic!("{}", e.message)), &settings);
+        let names: Vec<String> = march.locate.output_ports().into_iter().map(|port| port.name).collect();
+        assert_eq!(names, ["p", "d", "h", "hit_eps"]);
+        // Ray from p along y, at t = 0; last_de is the state's fifth number.
+        let ray = [p[0], p[1], p[2], 0.0, 1.0, 0.0, 0.0, 9.0, 0.0, 0.0, -1.0, -1.0, last_de, 0.0];
+        let columns: Vec<Vec<f64>> = ray.iter().map(|x| vec![*x]).collect();
+        let out = backends().run(Target::CpuF64, subject.arena, &Kernel::Map(march.locate), &columns).unwrap();
+        assert_eq!([out[3][0], out[4][0], out[5][0]], [0.0, 1.0, 0.0]);
+        assert!((out[6][0] - wanted).abs() < 1e-15, "{step}: {}", out[6][0]);
+    }
+}
+
+#[test]
+fn methods_that_do_not_apply_say_why() {
+    let bulb = r#"(nodes: { "bulb": bulb_power() }, bounding_radius: 2, estimate: (method: METHOD))"#;
+    let boxed = r#"(nodes: { "fold": box_fold(), "grow": scale(scale: 2), "box": Sequence(["fold", "grow"]) },
+        output: "box", bounding_radius: 6, estimate: (method: METHOD))"#;
+    for (text, method, why) in [
+        (bulb, "own", "an iterated map has no distance of its own"),
+        (boxed, "own", "only primitives have"),
+        (boxed, "potential", "r grows by a factor"),
+        (boxed, "sinh", "there is no potential"),
+    ] {
+        let formula = formula(&text.replace("METHOD", method));
+        let plan = formula.plan();
+        assert!(plan.warnings.len() == 1 && plan.warnings[0].contains(why), "{:?}", plan.warnings);
+        assert_ne!(plan.choices[0].method.name(), method);
+    }
+    let formula = formula(&bulb.replace("METHOD", "sinh, form: linear"));
+    assert!(formula.plan().warnings[0].contains("logarithmic by itself"), "{:?}", formula.plan().warnings);
+    assert_eq!(formula.plan().choices[0].form, DeForm::Logarithmic);
+}
+
+#[test]
+fn every_method_and_form_is_a_field() {
+    for method in Method::ALL {
+        for form in DeForm::ALL {
+            let text = format!(
+                r#"(nodes: {{ "bulb": bulb_power() }}, bounding_radius: 2, max_iterations: 3,
+                    estimate: (method: "{}", form: "{}", axis: (0, 3, 4), difference: ln_r))"#,
+                method.name(),
+                form.name()
+            );
+            let formula = formula(&text);
+            let choice = &formula.plan().choices[0];
+            let wanted = if method == Method::Own { Method::Gradient } else { method };
+            let wanted_form = if method.is_potential() { DeForm::Logarithmic } else { form };
+            assert_eq!((choice.method, choice.form), (wanted, wanted_form), "{text}");
+            assert_eq!((choice.axis, choice.difference), ([0.0, 0.6, 0.8], Some(Difference::LnR)));
+        }
+    }
+    let text = r#"(nodes: { "bulb": bulb_power() }, bounding_radius: 2, estimate: (method: auto, form: auto))"#;
+    assert_eq!(formula(text).plan().choices[0].method, Method::Gradient);
+    for wrong in ["method: gradiant", "form: round", "difference: s", "step: 0", "step: Share(2)", "axis: (0, 0, 0)"] {
+        let text = format!(r#"(nodes: {{ "bulb": bulb_power() }}, estimate: ({wrong}))"#);
+        assert!(Formula::from_ron(&text).is_err(), "{wrong}");
+    }
+}
+
+/// A primitive's own distance is its estimate, and any other method is refused.
+#[test]
+fn primitives_have_their_own_distance() {
+    let formula = formula(r#"(nodes: { "ball": Sphere(radius: 0.75) })"#);
+    assert_eq!(formula.plan().applicable(), [Method::Own]);
+    assert_eq!(formula.estimate([0.0, 2.0, 0.0], Method::Own), 1.25);
+    let subject = formula.subject();
+    let wanted = EstimateSettings { method: Some(Method::Scalar), ..Default::default() };
+    let plan = bulbfold::compose::choose(&subject.composer(), &wanted).unwrap_or_else(|e| panic!("{}", e.message));
+    assert!(plan.warnings[0].contains("primitives are not iterated"), "{:?}", plan.warnings);
+}
