@@ -280,9 +280,9 @@ impl<'b, B: Backend> Renderer<'b, B> {
         stats.unfinished += with(Status::Unfinished);
         stats.nan += hits[column("nan")].iter().filter(|&&n| n > 0.0).count() as u64;
         if let Some(undecided) = &mut stats.undecided {
-            let (last, status) = (&hits[column("last_de")], &hits[column("status")]);
-            let rays = last.iter().zip(status);
-            *undecided += rays.filter(|(last, code)| is_undecided(**last, Status::from_code(**code))).count() as u64;
+            let [last, steps, status] = ["last_de", "steps", "status"].map(|name| &hits[column(name)]);
+            let open = |i: &usize| is_undecided(last[*i], steps[*i], Status::from_code(status[*i]));
+            *undecided += (0..last.len()).filter(open).count() as u64;
         }
         stats.estimates += sum("steps");
         stats.iterations += sum("iterations");

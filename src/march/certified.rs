@@ -19,9 +19,9 @@ const NEAR: f64 = 4.0;
 const SIGNED_ZERO: f64 = 1e-30;
 
 /// True where a finished ray of a march of proofs crossed something unproven: its answer is neither a proof of emptiness nor
-/// a hit within a few thresholds. `last_de` is the march's column.
-pub fn is_undecided(last_de: f64, status: Status) -> bool {
-    last_de < 0.0 || status == Status::Unfinished
+/// a hit within a few thresholds. `last_de` and `steps` are the march's columns.
+pub fn is_undecided(last_de: f64, steps: f64, status: Status) -> bool {
+    steps > 0.0 && (last_de < 0.0 || status == Status::Unfinished)
 }
 
 /// How far the next proof is to reach.

@@ -28,6 +28,9 @@ const MARGIN: f64 = 0.999;
 /// Largest start radius, as a share of the extent of the set.
 const LARGEST_START: f64 = 0.25;
 
+/// How much worse than the factor a segment's bound may be before it starts again: its direction is worth something.
+const KEPT: f64 = 1.1;
+
 /// Where a ball or segment has come to.
 #[derive(Clone, Copy)]
 struct Moved<'g> {
@@ -68,15 +71,15 @@ impl<'g> Moved<'g> {
         }
     }
 
-    /// The tighter of the factor and the segment's; the segment starts again where that is no better, or where it is not
-    /// a number.
+    /// The factor is the smaller of its own and the segment's, both being bounds; the segment starts again where it has
+    /// become worse, or is not a number.
     fn settled(self) -> Moved<'g> {
         let Some((v, rho)) = self.segment else { return self };
         let along = v.length() + rho;
-        let better = along.lt(self.l);
+        let kept = along.le(self.l * KEPT);
         Moved {
-            l: better.select(along, self.l),
-            segment: Some((better.select(v, v.lift(0.0)), better.select(rho, self.l))),
+            l: along.lt(self.l).select(along, self.l),
+            segment: Some((kept.select(v, v.lift(0.0)), kept.select(rho, self.l))),
             ..self
         }
     }
