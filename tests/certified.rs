@@ -27,10 +27,6 @@ const SYSTEMS: &[(&str, &str)] = &[
         r#"(nodes: {"a": bulb_power(power: 3, convention: "asin")}, escape_radius: 10, max_iterations: 7)"#,
     ),
     ("power 2.5", r#"(nodes: {"a": bulb_power(power: 2.5)}, escape_radius: 10, max_iterations: 6)"#),
-    (
-        "power -3",
-        r#"(nodes: {"a": Sequence([bulb_power(power: -3), scale(scale: 0.5)])}, constant: Julia((0.6, 0.2, 0.1)), escape_radius: 4, max_iterations: 4)"#,
-    ),
     ("bicomplex", r#"(nodes: {"a": bicomplex_square()}, escape_radius: 10, max_iterations: 8, slice: 0.1)"#),
     ("table", r#"(nodes: {"a": table_square()}, escape_radius: 10, max_iterations: 8)"#),
     (
