@@ -31,19 +31,19 @@ const SYSTEMS: &[(&str, &str)] = &[
     ("table", r#"(nodes: {"a": table_square()}, escape_radius: 10, max_iterations: 8)"#),
     (
         "squeezed box",
-        r#"(nodes: {"a": Sequence([box_fold(), sphere_fold(), linear(matrix: ((2, 0.2, 0), (0, 1.6, 0.3), (0.1, 0, 1.8)))])}, escape_radius: 60, max_iterations: 7)"#,
+        r#"(nodes: {"a": Sequence([box_fold(), sphere_fold(), linear(matrix: [(2, 0.2, 0), (0, 1.6, 0.3), (0.1, 0, 1.8)])])}, escape_radius: 60, max_iterations: 7)"#,
     ),
     (
         "choice",
-        r#"(nodes: {"b": bulb_power(power: 2), "m": quaternion_square(), "a": Choose(when: Negative("x"), then: "b", otherwise: "m")}, escape_radius: 10, max_iterations: 6)"#,
+        r#"(nodes: {"b": bulb_power(power: 2), "m": quaternion_square(), "a": Choose(when: Negative("x"), then: "b", otherwise: "m")}, output: "a", escape_radius: 10, max_iterations: 6)"#,
     ),
     (
         "blend",
-        r#"(nodes: {"b": bulb_power(power: 3), "m": quaternion_square(), "a": Blend(a: "b", b: "m", weight: 0.4)}, escape_radius: 10, max_iterations: 6)"#,
+        r#"(nodes: {"b": bulb_power(power: 3), "m": quaternion_square(), "a": Blend(a: "b", b: "m", weight: 0.4)}, output: "a", escape_radius: 10, max_iterations: 6)"#,
     ),
     (
         "pre and inversion",
-        r#"(nodes: {"i": inversion(centre: (0, 0, 3)), "a": bulb_power(power: 4)}, output: "a", pre: ["i"], escape_radius: 10, max_iterations: 5)"#,
+        r#"(nodes: {"i": inversion(centre: (0, 0, 3), radius: 3), "a": bulb_power(power: 4)}, output: "a", pre: ["i"], escape_radius: 10, max_iterations: 5)"#,
     ),
     (
         "radiolari",
