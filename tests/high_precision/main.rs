@@ -174,6 +174,8 @@ fn expected(method: Method, system: &System, end: &End, p: &V, d: &V) -> Option<
             let (g, slope) = (end.r().ln() / &scale, end.slope() / (end.r() * &scale));
             (Big::from(1.0) - (Big::from(-2.0) * g).exp()) / (Big::from(4.0) * slope)
         }
+        // A proof depends on how far it was asked to reach; tests/certified.rs attacks them.
+        "certified" | "certified-ball" => return None,
         name => panic!("the method {name} has no reference"),
     })
 }

@@ -61,7 +61,9 @@ pub fn small_bailout() {
     // A corner is a member; its orbit stays at r = sqrt(3), which is beyond this bailout.
     let corner = [1.0, 1.0, 1.0];
     for answer in sound_answers(text, &[corner, [0.9, 0.95, 1.0], [1.5, 1.5, 1.5], [0.1, 0.1, 0.1]]) {
-        assert!(answer.p != corner || (!answer.inside && answer.de <= 1e-6), "{answer:?}");
+        // What is around it escapes too, which proofs know.
+        let near = answer.de <= 1e-6 || answer.method.is_certified();
+        assert!(answer.p != corner || (!answer.inside && near), "{answer:?}");
     }
 }
 

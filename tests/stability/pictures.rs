@@ -174,7 +174,9 @@ fn ball_behind_odd_numbers(step: &str, outside: [f64; 3]) {
     assert!(formula.inside([0.5, 0.0, 0.0]) && formula.inside([-0.5, 0.0, 0.0]));
     for picture in pictures(&formula) {
         picture.has_no_black_pixel();
-        assert!(picture.stats.nan > 0 && picture.stats.unfinished == 0, "{}", picture.place());
+        // A proof says that it has none instead of passing on what is not a number.
+        let counted = if picture.method.is_certified() { picture.stats.undecided } else { Some(picture.stats.nan) };
+        assert!(counted > Some(0) && picture.stats.unfinished == 0, "{}", picture.place());
         let depth = picture.depths[41].unwrap_or_else(|| panic!("{}", picture.place()));
         assert!((depth - 2.0).abs() < 0.05, "{}", picture.place());
     }
