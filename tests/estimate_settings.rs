@@ -75,7 +75,8 @@ fn every_method_and_form_is_a_field() {
             let formula = formula(&text);
             let choice = &formula.plan().choices[0];
             let wanted = if method == Method::Own { Method::Gradient } else { method };
-            let wanted_form = if method.is_potential() { DeForm::Logarithmic } else { form };
+            let by_escape = method.is_potential() || method.is_certified() && form.is_shape();
+            let wanted_form = if by_escape { DeForm::Logarithmic } else { form };
             assert_eq!((choice.method, choice.form), (wanted, wanted_form), "{text}");
             assert_eq!((choice.axis, choice.difference), ([0.0, 0.6, 0.8], Some(Difference::LnR)));
         }

@@ -4,7 +4,8 @@
 use bulbfold::check::{Backends, Random, Target};
 use bulbfold::expr::ops::Operator;
 use bulbfold::expr::{Arena, Differentiator, Expr, Function, Port, Type};
-use bulbfold::kernel::Kernel;
+use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::{Backend, Kernel};
 
 /// Values that break things: zeros, folds, poles, halves, far and near. All finite; see `SPECIAL` for the others.
 const SPICY: &[f64] = &[
@@ -236,6 +237,47 @@ fn random_expression<'g>(arena: &'g Arena, random: &mut Random, depth: u32) -> E
         9 => (a * a + 0.5).sqrt() - b,
         10 => a.clamp(arena.f(-1.0), arena.f(1.0)) * b,
         _ => -(a.powi(3) * 0.1) + b,
+    }
+}
+
+/// Compiled and interpreted results of functions of three numbers, in both precisions.
+fn expect_same_code(arena: &Arena, roots: &[Expr], points: &[[f64; 3]]) {
+    let mut function = Function::new("f", ["x", "y", "z"].map(|name| Port::new(name, Type::F)).to_vec());
+    roots.iter().enumerate().for_each(|(i, root)| function.output(format!("out{i}"), number(arena, *root)));
+    let kernel = Kernel::Map(function);
+    let columns: Vec<Vec<f64>> = (0..3).map(|i| points.iter().map(|p| p[i]).collect()).collect();
+    for precision in [Precision::F32, Precision::F64] {
+        let run = |cpu: Cpu| {
+            let kernel = cpu.prepare(arena, &kernel).expect("the CPU takes every kernel");
+            let inputs = cpu.upload(&columns).expect("columns fit");
+            cpu.download(&cpu.run(&kernel, &[&inputs]).expect("the CPU runs every kernel")).expect("columns fit")
+        };
+        let (compiled, interpreted) = (run(Cpu::new(precision)), run(Cpu::new(precision).interpreted()));
+        for (k, (a, b)) in compiled.iter().zip(&interpreted).enumerate() {
+            for (i, (a, b)) in a.iter().zip(b).enumerate() {
+                let same = a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
+                assert!(same, "{precision:?}, output {k} at {:?}: compiled {a}, interpreted {b}", points[i]);
+            }
+        }
+    }
+}
+
+#[test]
+fn machine_code_is_the_interpreters_for_every_operator_and_random_expressions() {
+    let mut points = triples(SPICY);
+    points.extend(triples(SPECIAL));
+    for operator in Operator::ALL {
+        let arena = Arena::default();
+        let value = Expr::apply(*operator, &inputs(&arena, *operator));
+        expect_same_code(&arena, &[value], &points);
+    }
+    let mut random = Random::new(9);
+    for _ in 0..200 {
+        let arena = Arena::default();
+        // Many results at once, so that registers run out.
+        let roots: Vec<Expr> = (0..40).map(|_| random_expression(&arena, &mut random, 4)).collect();
+        let points: Vec<[f64; 3]> = (0..40).map(|_| [0; 3].map(|_| random.range(-2.0, 2.0))).collect();
+        expect_same_code(&arena, &roots, &points);
     }
 }
 

@@ -99,8 +99,8 @@ fn a_step_to_the_middle_of_a_ball_overshoots_by_its_radius() {
 
 #[test]
 fn a_short_estimate_is_walked_on_from_and_costs_steps() {
-    // With a radius of 1.05 the estimate is 0 from 0.05 in front of the surface.
-    let estimate = |radius| EstimateSettings { radius: Some(radius), ..automatic() };
+    // After 4 iterations the estimate is the depth to the ball of radius R / 16: 1 is right, 1.3 says 0 too early.
+    let estimate = |radius| EstimateSettings { radius: Some(16.0 * radius), ..automatic() };
     let middle = |shown: &Shown| at(shown, SIZE.width / 2, SIZE.height / 2);
     let right = shown(&dilation(), View::Confidence, estimate(1.0));
     assert_eq!(class(&right, middle(&right)), "hit, settled");
@@ -111,6 +111,18 @@ fn a_short_estimate_is_walked_on_from_and_costs_steps() {
     // An outside ray iterates until it escapes, an inside one 4 times, so the sum is between both.
     let iterations = value(middle(&shown(&dilation(), View::Iterations, estimate(1.0))));
     assert!(iterations > steps[0] && iterations <= 5.0 * steps[0], "{iterations} in {steps:?}");
+}
+
+#[test]
+fn proofs_say_what_is_proven() {
+    let formula = Formula::builtin("mandelbulb").unwrap();
+    let estimate = EstimateSettings { method: Some(Method::Certified), ..automatic() };
+    let camera = formula.graph().camera.unwrap();
+    let shown = shown_on(&formula, View::Confidence, estimate, camera, Precision::F64);
+    let counts: Vec<usize> = (0..shown.classes.len()).map(|i| shown.count(i)).collect();
+    assert_eq!(shown.classes[0].name, "proven empty");
+    assert!(counts[0] > 300 && counts[1] > 300, "{:?}", shown.summary());
+    assert!(counts[2..].iter().sum::<usize>() * 10 < shown.pixels.len(), "{:?}", shown.summary());
 }
 
 #[test]
@@ -125,8 +137,8 @@ fn unfinished_rays_and_starts_inside_are_told_apart() {
 fn a_union_says_whose_estimate_it_was() {
     let text = r#"(nodes: {
         "grow": scale(scale: 2.0),
-        "left": Orbit("grow", constant: Off, escape_radius: 16, max_iterations: 4),
-        "apart": Translate("left", by: (-1.2, 0, 0)),
+        "left": Orbit(of: "grow", constant: Off, escape_radius: 16, max_iterations: 4),
+        "apart": Transform(of: "left", translate: (-1.2, 0, 0)),
         "right": Box(centre: (1.2, 0, 0), half_size: (0.5, 0.5, 0.5)),
         "both": Union(["apart", "right"]),
     }, output: "both", bounding_radius: 3)"#;
@@ -153,7 +165,7 @@ fn combined_says_which_slope_was_the_larger() {
     // Where both methods are asked on their own, the smaller estimate is the one that is named.
     use bulbfold::compose::{Purpose, compose_estimator, deciders};
     use bulbfold::kernel::{Backend, Estimator, Kernel};
-    let points: Vec<[f64; 3]> = (0..400).map(|k| [1, 2, 3].map(|i| 2.6 * f64::from(k * i + i).sin())).collect();
+    let points: Vec<[f64; 3]> = (0..40_000).map(|k| [1, 2, 3].map(|i| 2.6 * f64::from(k * i + i).sin())).collect();
     let ask = |method: Method, purpose: Purpose| {
         let choices = subject.choices(Some(method)).unwrap();
         let kernel = Kernel::Estimate(compose_estimator(&subject.composer(), &choices, purpose).unwrap());

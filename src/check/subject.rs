@@ -139,6 +139,7 @@ impl<'a> Subject<'a> {
             hit_eps,
             max_march_steps: 100_000,
             difference_step: self.plan.difference_step,
+            certified: self.plan.is_certified(),
             ..MarchSettings::default()
         };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));

@@ -6,6 +6,10 @@
 //! quarter of the hit threshold; an estimate under the threshold whose point is still outside is walked on from, so only a point that is
 //! inside stops the ray; from there it bisects back to the boundary.
 
+mod certified;
+
+pub use certified::is_undecided;
+
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::DifferenceStep;
 use crate::kernel::{Estimator, March, Status, march_state_ports, ray_ports};
@@ -24,6 +28,8 @@ pub struct MarchSettings {
     /// Least step of finite differences, as a share of the larger of 1 and the point's coordinates: below it the
     /// precision has no digits left.
     pub min_difference: f64,
+    /// Whether estimates are proofs: `h` then says how far the next one is to reach.
+    pub certified: bool,
     /// Step of finite differences, where that is above the least one.
     pub difference_step: DifferenceStep,
 }
@@ -41,6 +47,7 @@ impl Default for MarchSettings {
             hit_eps: 0.0,
             max_march_steps: 1000,
             min_difference: MIN_DIFFERENCE_F32,
+            certified: false,
             difference_step: DifferenceStep::default(),
         }
     }
@@ -120,7 +127,11 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     };
     function.output("p", p);
     function.output("d", ray.direction);
-    function.output("h", wanted.max(largest * settings.min_difference));
+    let h = match settings.certified {
+        true => certified::proposal(&ray, ray.hit_eps(settings)),
+        false => wanted.max(largest * settings.min_difference),
+    };
+    function.output("h", h);
     function.output("hit_eps", ray.hit_eps(settings));
     function
 }
@@ -143,18 +154,26 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let crossed = zero.le(t_inside);
     let started_inside = crossed.and(t_outside.lt(zero));
 
-    // Marching: forward by the estimate. Bisecting: to the middle. A NaN estimate walks on.
+    // Marching: forward by the estimate. Bisecting: to the middle. A NaN estimate walks on. A step below the spacing of
+    // numbers at t, or of no length at t = 0, would stand still: then the least step that any precision has is taken.
     let usable = zero.le(de).select(de, zero);
-    let forward = ray.t + (usable * settings.fudge).max(hit_eps * WALK);
+    let wanted = ray.t + (usable * settings.fudge).max(hit_eps * WALK);
+    let least = ray.t * (1.0 + 2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01;
+    let forward = wanted.le(ray.t).select(least, wanted);
     let middle = (t_inside + t_outside) * 0.5;
-    // Far in, there is no number between the ends long before they are that close.
-    let is_end = middle.le(t_outside).or(t_inside.le(middle));
-    let narrow = (t_inside - t_outside).le(hit_eps * BISECTION).or(is_end);
+    // No number may be left between the ends, however far they are from as near as they should be.
+    let between = t_outside.lt(middle).and(middle.lt(t_inside));
+    let narrow = (t_inside - t_outside).le(hit_eps * BISECTION).or(!between);
     let hit = crossed.and(narrow.or(started_inside));
     let miss = (!crossed).and(ray.t_far.le(forward));
     let code = |status: Status| arena.f(status.code());
     let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
     let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, forward.min(ray.t_far)));
+    if settings.certified {
+        let steps = certified::Steps { hit_eps, de: usable, t_outside, t_inside, hit, miss, crossed };
+        certified::advance(&mut function, &ray, &steps, status, t);
+        return function;
+    }
     // The front stays where a walk under the threshold began.
     let walking = usable.lt(hit_eps).and(ray.last_de.lt(hit_eps)).and(zero.le(ray.last_de));
     let settled = crossed.or(walking);

@@ -7,6 +7,7 @@ use crate::check::truth::{Truth, Truths, ends};
 use crate::compose::{Composer, deciders};
 use crate::film::Image;
 use crate::kernel::Status;
+use crate::march::is_undecided;
 use crate::render::Pipeline;
 use crate::shade::Size;
 
@@ -85,6 +86,7 @@ pub fn show(view: View, composer: &Composer, pipeline: &Pipeline, marched: &Marc
         (View::Iterations, _) => costs(marched, "iterations", "Iterations of all estimates of a pixel's ray"),
         (View::Steps, _) => costs(marched, "steps", "Estimates (march steps) of a pixel's ray"),
         (View::Method, _) => methods(composer, pipeline, marched),
+        (View::Confidence, _) if pipeline.plan.is_certified() => proofs(marched),
         (View::Confidence, _) => confidence(marched, footprint),
     };
     shown.in_rows()
@@ -268,6 +270,30 @@ fn methods(composer: &Composer, pipeline: &Pipeline, marched: &Marched) -> Shown
     let rank = |k: usize| ranked.iter().position(|&r| r == k).map_or(others, |place| (place + 1).min(others));
     let pixel = |i: usize| Pixel::Class(if is_hit(&i) { rank(number(i)) } else { 0 });
     shown.pixels = (0..marched.decider.len()).map(pixel).collect();
+    shown
+}
+
+/// What a march of proofs has proven.
+fn proofs(marched: &Marched) -> Shown {
+    let classes = vec![
+        class("proven empty", DARK),
+        class("hit, proven up to it", BLUE),
+        class("undecided, hit", ORANGE),
+        class("undecided, no hit", YELLOW),
+        class("unfinished", VERMILION),
+        class("not a number on the way", PURPLE),
+    ];
+    let mut shown = Shown::new(marched.size, "What the march has proven", classes);
+    let [last, steps, nan] = ["last_de", "steps", "nan"].map(|name| marched.column(name));
+    let class_of = |i: usize| match (marched.status(i), is_undecided(last[i], steps[i], marched.status(i))) {
+        _ if nan[i] > 0.0 => 5,
+        (Status::Unfinished, _) => 4,
+        (Status::Miss, false) => 0,
+        (Status::Hit, false) => 1,
+        (Status::Hit, true) => 2,
+        (Status::Miss, true) => 3,
+    };
+    shown.pixels = (0..steps.len()).map(|i| Pixel::Class(class_of(i))).collect();
     shown
 }
 

@@ -117,6 +117,7 @@ impl Segment {
             if !emitter.uses[i].is_empty() {
                 emitter.at = i as u32;
                 emitter.operation(i as Value, *operation);
+                emitter.slots.free.append(&mut emitter.dying_slots);
             }
         }
         emitter.finish(self);
@@ -138,6 +139,8 @@ struct Emitter<'a> {
     /// Where else it is.
     memory: Vec<Option<Source>>,
     spilled: Vec<bool>,
+    /// Slots whose values are dead, but which the current operation may still read from.
+    dying_slots: Vec<u16>,
     vectors: [Option<Value>; REGISTERS as usize],
     masks: [Option<Value>; ACTIVE as usize],
 }
@@ -169,6 +172,7 @@ impl<'a> Emitter<'a> {
             home: vec![None; count],
             memory: vec![None; count],
             spilled: vec![false; count],
+            dying_slots: Vec::new(),
             vectors: [None; REGISTERS as usize],
             masks: [None; ACTIVE as usize],
         };
@@ -318,7 +322,7 @@ impl<'a> Emitter<'a> {
                 }
             }
             if let (true, Some(Source::Slot(slot))) = (self.spilled[i], self.memory[i]) {
-                self.slots.free.push(slot);
+                self.dying_slots.push(slot);
                 self.spilled[i] = false;
             }
         }
