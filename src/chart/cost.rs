@@ -252,11 +252,16 @@ impl CostChart {
 
     fn notes(&self, page: &mut Drawing) {
         let text = format!(
-            "{} rays of the file's own view at {} x {}, {} of them hits; {} whose truth did not settle are left out. The truth is a \
+            "{} rays of the file's own view at {} x {}, {} of them hits (one is {}); {} whose truth did not settle are left out. The truth is a \
              march in f64 by fixed small steps, without any estimate. Missed: passed, or met more than 2 footprints behind. Early: \
              stopped in front by more than 0.5 % of the bounding radius (or four footprints, where those are less), as a share of all stops. A footprint is a pixel's diameter at the hit. Times are \
              those of one machine; estimates per pixel and errors are the same everywhere.",
-            self.rays, self.size.width, self.size.height, self.hits, self.ambiguous
+            self.rays,
+            self.size.width,
+            self.size.height,
+            self.hits,
+            percent((1000.0 / self.hits.max(1) as f64).round() / 1000.0),
+            self.ambiguous
         );
         caption(page, &text, [MARGIN, 826.0], WIDTH - 2.0 * MARGIN, 11.0);
     }

@@ -34,14 +34,18 @@ impl DepthChart {
 
     /// The chart.
     pub fn drawing(&self) -> Drawing {
-        let mut page = Drawing::new(WIDTH, 640.0, format!("{}: depth error against zoom", self.formula));
+        let mut page = Drawing::new(WIDTH, 656.0, format!("{}: depth error against zoom", self.formula));
         page.text(Text::new([MARGIN, 44.0], self.formula.clone(), 26.0).bold());
         page.text(Text::new([MARGIN, 70.0], "How far depths are off when the camera moves towards the surface", 15.0));
         let zooms = &self.depths.zooms;
         let x = Scale::between(1.0, zooms[zooms.len() - 1].zoom, [92.0, 900.0]);
         let errors =
             Panel { x, y: Scale::between(ERRORS.0, ERRORS.1, [350.0, 120.0]), edges: [92.0, 120.0, 900.0, 350.0] };
-        let wrong = Panel { x, y: Scale::between(0.01, 1.0, [500.0, 420.0]), edges: [92.0, 420.0, 900.0, 500.0] };
+        let wrong = Panel {
+            x,
+            y: Scale::fit([0.0, 0.02, 1.0].into_iter(), [520.0, 410.0]),
+            edges: [92.0, 410.0, 900.0, 520.0],
+        };
         let words = |title: &str, label| Words { title: title.into(), label };
         errors.frame(&mut page, &words("", plain), &words("median depth error, footprints", plain), 13.0);
         let zoom = words("zoom: how many times nearer the camera is than in the file's view", plain);
@@ -60,7 +64,7 @@ impl DepthChart {
             }
             if let Some(end) = end {
                 let at = x.at(end);
-                page.dashes(&[[at, 112.0], [at, 500.0]], colour, 1.4, 4.0);
+                page.dashes(&[[at, 112.0], [at, 520.0]], colour, 1.4, 4.0);
                 let words = format!("{} is good to {}", target_label(target), plain(end));
                 let text = Text::new([at, 106.0], words, 13.0).colour(colour).bold();
                 page.text(if at > 700.0 { text.anchor(Anchor::End) } else { text.anchor(Anchor::Middle) });
@@ -73,9 +77,7 @@ impl DepthChart {
     fn line(&self, panel: &Panel, target: Target, read: fn(&Measured) -> f64) -> Vec<Point> {
         let judged = self.depths.zooms.iter().filter(|z| z.settled >= SETTLED);
         judged
-            .flat_map(|z| {
-                z.measured.iter().filter(move |(t, _)| *t == target).map(move |(_, m)| (z.zoom, read(m).max(1e-9)))
-            })
+            .flat_map(|z| z.measured.iter().filter(move |(t, _)| *t == target).map(move |(_, m)| (z.zoom, read(m))))
             .map(|p| panel.at(p))
             .collect()
     }
@@ -94,7 +96,7 @@ impl DepthChart {
             percent(SETTLED),
             last.map_or("0".into(), |z| plain(z.zoom))
         );
-        let below = caption(page, &text, [MARGIN, 564.0], WIDTH - 2.0 * MARGIN, 11.0);
+        let below = caption(page, &text, [MARGIN, 582.0], WIDTH - 2.0 * MARGIN, 11.0);
         let ends = self.ends();
         let end = |wanted: Target| ends.iter().find(|(t, _)| *t == wanted).and_then(|(_, end)| *end);
         if let (Some(single), Some(double)) = (end(Target::CpuF32), end(Target::CpuF64)) {

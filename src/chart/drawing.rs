@@ -42,7 +42,7 @@ pub enum Anchor {
 pub struct Text {
     /// Where the baseline is.
     pub at: Point,
-    /// The text; `^` raises what follows up to a space.
+    /// The text; `^` raises the digits and signs that follow.
     pub text: String,
     /// Size in pixels, as of a font.
     pub size: f64,

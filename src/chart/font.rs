@@ -78,7 +78,7 @@ fn lay_out(text: &str) -> (Vec<Placed>, f64) {
             is_raised = true;
             continue;
         }
-        is_raised &= c != ' ';
+        is_raised &= c == '-' || c.is_ascii_digit();
         let raised = if is_raised { RAISED } else { (1.0, 0.0) };
         if c == ' ' {
             x += SPACE;

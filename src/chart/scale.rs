@@ -117,10 +117,15 @@ impl Panel {
     pub fn frame(&self, page: &mut Drawing, x: &Words, y: &Words, size: f64) {
         let [left, top, right, bottom] = self.edges;
         let label = |at: Point, text: String| Text::new(at, text, size).colour(GREY);
+        for at in self.x.ticks().into_iter().map(|tick| self.x.at(tick)) {
+            page.line(&[[at, top], [at, bottom]], GRID, 1.0);
+        }
+        for at in self.y.ticks().into_iter().map(|tick| self.y.at(tick)) {
+            page.line(&[[left, at], [right, at]], GRID, 1.0);
+        }
         let mut last = f64::NEG_INFINITY;
         for tick in self.x.ticks() {
             let at = self.x.at(tick);
-            page.line(&[[at, top], [at, bottom]], GRID, 1.0);
             let text = label([at, bottom + size * 1.45], (x.label)(tick)).anchor(Anchor::Middle);
             if at - text.width() / 2.0 > last + size * 0.6 {
                 last = at + text.width() / 2.0;
@@ -129,7 +134,6 @@ impl Panel {
         }
         for tick in self.y.ticks() {
             let at = self.y.at(tick);
-            page.line(&[[left, at], [right, at]], GRID, 1.0);
             page.text(label([left - size * 0.6, at + size * 0.35], (y.label)(tick)).anchor(Anchor::End));
         }
         if let Some(zero) = self.y.zero {
@@ -155,7 +159,13 @@ pub fn plain(value: f64) -> String {
         return "0".into();
     }
     if !(-3.01..5.0).contains(&exponent) {
-        return format!("10^{}", exponent.round());
+        let whole = exponent.floor();
+        let mantissa = (value / 10f64.powf(whole) * 10.0).round() / 10.0;
+        return match mantissa {
+            1.0 => format!("10^{whole}"),
+            10.0 => format!("10^{}", whole + 1.0),
+            m => format!("{m}\u{d7}10^{whole}"),
+        };
     }
     let digits = (2.0 - exponent.floor()).clamp(0.0, 4.0) as usize;
     let text = format!("{value:.digits$}");
@@ -200,8 +210,8 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let shown = [0.5, 12.0, 0.004, 1500.0, 1e6, 1e-7, 0.0].map(plain);
-        assert_eq!(shown, ["0.5", "12", "0.004", "1500", "10^6", "10^-7", "0"]);
+        let shown = [0.5, 12.0, 0.004, 1500.0, 1e6, 5.62e-7, 0.0].map(plain);
+        assert_eq!(shown, ["0.5", "12", "0.004", "1500", "10^6", "5.6\u{d7}10^-7", "0"]);
         assert_eq!((percent(0.025).as_str(), nanoseconds(20_000.0).as_str()), ("2.5 %", "20 \u{b5}s"));
     }
 }

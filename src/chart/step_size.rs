@@ -14,7 +14,7 @@ pub const CSV_HEADER: &str =
     "formula,points,median_estimate,backend,precision,h,median_error,ninth_decile_error,usable";
 
 /// Errors beyond these are drawn at the edge.
-const ERRORS: (f64, f64) = (1e-9, 10.0);
+const ERRORS: (f64, f64) = (1e-11, 10.0);
 
 /// One formula's chart.
 pub struct StepChart {
@@ -117,7 +117,7 @@ impl StepChart {
         let y = panel.y.at(USABLE);
         page.dashes(&[[left, y], [right, y]], INK, 1.0, 3.0);
         let text = format!("usable: median within {}", percent(USABLE));
-        page.text(Text::new([right - 8.0, y - 6.0], text, 12.0).anchor(Anchor::End).halo());
+        page.text(Text::new([left + 0.22 * (right - left), y - 6.0], text, 12.0).halo());
         let marks = [
             (MIN_DIFFERENCE_F32, "least in f32"),
             (MIN_DIFFERENCE_F64, "least in f64"),

@@ -9,7 +9,7 @@ use super::font::{self, Stroke};
 use crate::film::Image;
 
 /// Quality of embedded JPEGs.
-const JPEG_QUALITY: u8 = 82;
+const JPEG_QUALITY: u8 = 75;
 
 /// A drawing as an SVG document. Errors come from the encoder of pictures.
 pub fn svg(drawing: &Drawing) -> Result<String, String> {
@@ -20,14 +20,51 @@ pub fn svg(drawing: &Drawing) -> Result<String, String> {
         escape(&drawing.title)
     );
     write_glyphs(&mut out, drawing);
-    for item in &drawing.items {
-        write_item(&mut out, item)?;
+    for (i, item) in joined(&drawing.items).iter().enumerate() {
+        write_item(&mut out, item, i)?;
     }
     out.push_str("</svg>\n");
     Ok(out)
 }
 
-fn write_item(out: &mut String, item: &Item) -> Result<(), String> {
+/// Items with lines of one kind that follow each other made one path, which keeps files small.
+fn joined(items: &[Item]) -> Vec<Part<'_>> {
+    let mut parts: Vec<Part> = Vec::new();
+    for item in items {
+        match (parts.last_mut(), item) {
+            (Some(Part::Lines(pen, d)), Item::Line { points, colour, width, dash })
+                if *pen == (*colour, *width, *dash) =>
+            {
+                d.push_str(&path(points));
+            }
+            (_, Item::Line { points, colour, width, dash }) => {
+                parts.push(Part::Lines((*colour, *width, *dash), path(points)));
+            }
+            (_, item) => parts.push(Part::Other(item)),
+        }
+    }
+    parts
+}
+
+/// Lines of one pen as a path, or another item.
+enum Part<'a> {
+    Lines((Colour, f64, f64), String),
+    Other(&'a Item),
+}
+
+fn write_item(out: &mut String, part: &Part, number: usize) -> Result<(), String> {
+    let item = match part {
+        Part::Lines((colour, width, dash), d) => {
+            let dashes = match dash {
+                d if *d > 0.0 => format!(" stroke-dasharray=\"{} {}\" stroke-linecap=\"butt\"", short(*d), short(*d)),
+                _ => String::new(),
+            };
+            let (c, w) = (hex(*colour), short(*width));
+            let _ = writeln!(out, "<path d=\"{d}\" stroke=\"{c}\" stroke-width=\"{w}\"{dashes}/>");
+            return Ok(());
+        }
+        Part::Other(item) => *item,
+    };
     let write = |out: &mut String, args: std::fmt::Arguments| {
         let _ = out.write_fmt(args);
     };
@@ -43,14 +80,7 @@ fn write_item(out: &mut String, item: &Item) -> Result<(), String> {
                 hex(*colour)
             ),
         ),
-        Item::Line { points, colour, width, dash } => {
-            let dashes = match dash {
-                d if *d > 0.0 => format!(" stroke-dasharray=\"{} {}\" stroke-linecap=\"butt\"", short(*d), short(*d)),
-                _ => String::new(),
-            };
-            let (d, c, w) = (path(points), hex(*colour), short(*width));
-            write(out, format_args!("<path d=\"{d}\" stroke=\"{c}\" stroke-width=\"{w}\"{dashes}/>\n"));
-        }
+        Item::Line { .. } => {} // joined above
         // A line of no length with round ends is a dot, in a tenth of the bytes of a circle.
         Item::Dots { points, diameter, colour } => {
             let d: String = points.iter().map(|[x, y]| format!("M{} {}h0", short(*x), short(*y))).collect();
@@ -71,7 +101,7 @@ fn write_item(out: &mut String, item: &Item) -> Result<(), String> {
         Item::Area(points, colour) => {
             write(out, format_args!("<path d=\"{}Z\" fill=\"{}\"/>\n", path(points), hex(*colour)));
         }
-        Item::Text(text) => write_text(out, text),
+        Item::Text(text) => write_text(out, text, number),
         Item::Picture([x, y, w, h], image) => {
             let data = base64(&jpeg(image)?);
             write(
@@ -109,7 +139,7 @@ fn glyph_id(glyph: char) -> String {
 }
 
 /// A text as a group of glyphs in grid units, with the words for those who have them read.
-fn write_text(out: &mut String, text: &Text) {
+fn write_text(out: &mut String, text: &Text, number: usize) {
     let scale = text.size / 100.0;
     let [x, y] = text.at;
     let place = match text.upright {
@@ -132,13 +162,18 @@ fn write_text(out: &mut String, text: &Text) {
         .collect();
     let words = escape(&text.text.replace('^', ""));
     let pen = text.pen() / scale;
-    let halo = match text.halo {
-        true => format!("<g stroke=\"#fff\" stroke-width=\"{}\">{glyphs}</g>", short(pen + 3.6 / scale)),
-        false => String::new(),
+    let glyphs = match text.halo {
+        true => {
+            let ring = short(pen + 3.6 / scale);
+            format!(
+                "<use href=\"#_t{number}\" stroke=\"#fff\" stroke-width=\"{ring}\"/><g id=\"_t{number}\">{glyphs}</g>"
+            )
+        }
+        false => glyphs,
     };
     let _ = writeln!(
         out,
-        "<g aria-label=\"{words}\" transform=\"{place}scale({})\" stroke=\"{}\" stroke-width=\"{}\">{halo}{glyphs}</g>",
+        "<g aria-label=\"{words}\" transform=\"{place}scale({})\" stroke=\"{}\" stroke-width=\"{}\">{glyphs}</g>",
         (scale * 1000.0).round() / 1000.0,
         hex(text.colour),
         short(pen)

@@ -316,8 +316,8 @@ impl Chart<'_> {
     /// The fractal as `render` shows it, small.
     fn picture(&self, subject: &Subject) -> Result<Image, Failure> {
         let size = self.arguments.size;
-        let height = (240.0 * f64::from(size.height) / f64::from(size.width)).round().clamp(20.0, 160.0) as u32;
-        let settings = RenderSettings { size: Size { width: 240, height }, samples: 2, ..RenderSettings::default() };
+        let height = (216.0 * f64::from(size.height) / f64::from(size.width)).round().clamp(20.0, 160.0) as u32;
+        let settings = RenderSettings { size: Size { width: 216, height }, samples: 2, ..RenderSettings::default() };
         let pipeline = compose_pipeline(&subject.composer(), &settings);
         let pipeline = pipeline.map_err(|diagnostic| self.session.failure(diagnostic))?;
         let cpu = Cpu::new(Precision::F32);
