@@ -84,7 +84,7 @@ impl DepthChart {
 
     fn notes(&self, page: &mut Drawing) {
         let candidate = &self.depths.candidate;
-        let last = self.depths.zooms.iter().filter(|z| z.settled >= SETTLED).last();
+        let last = self.depths.zooms.iter().rfind(|z| z.settled >= SETTLED);
         let text = format!(
             "Method {} at fudge {}, {} rays a zoom towards the hit nearest to the middle of the file's view. The truth is found in \
              f64 by fixed small steps at each zoom; zooms where fewer than {} of the rays settle on a hit are left out; the last one shown is {}. Truth and march share f64, \

@@ -91,14 +91,12 @@ pub fn iteration_shells() {
 }
 
 pub fn tiny_differences() {
-    let text = format!(
-        r#"(nodes: {{ "bulb": bulb_power(power: 8), "ball": Orbit(of: "bulb", constant: Julia((0, 0, 0)),
+    let text = r#"(nodes: { "bulb": bulb_power(power: 8), "ball": Orbit(of: "bulb", constant: Julia((0, 0, 0)),
             escape_radius: 10, max_iterations: 30, estimate: (form: logarithmic)),
-            "there": Transform(of: "ball", translate: (100, 0, 0)) }}, output: "there", bounding_radius: 102)"#
-    );
+            "there": Transform(of: "ball", translate: (100, 0, 0)) }, output: "there", bounding_radius: 102)"#;
     let rays = [([103.0, 0.0, 0.0], [-1.0, 0.0, 0.0]), ([100.0, 0.0, -4.0], [0.0, 0.0, 1.0])];
     let wanted = [2.0, 3.0];
-    depths(&text, &rays, 1e-3, |target, method, i, depth| {
+    depths(text, &rays, 1e-3, |target, method, i, depth| {
         let depth = depth.unwrap_or_else(|| panic!("{target:?} {method:?}: ray {i} misses"));
         assert!((depth - wanted[i]).abs() < 1e-2, "{target:?} {method:?}: {depth}, not {}", wanted[i]);
     });

@@ -2,8 +2,9 @@
 
 use super::Compiled;
 use super::assemble::{Assembler, Counter};
+use super::emit::REGISTERS;
 use super::kit::Kits;
-use super::segment::{Activity, CallSlots, REGISTERS, Segment, Slots, Target};
+use super::segment::{Activity, CallSlots, Segment, Slots, Target};
 use super::trace::{Place, Recorder, Traced, TracedMask, Value};
 use crate::kernel::cpu::Precision;
 use crate::kernel::cpu::estimate::POINT;

@@ -2,10 +2,11 @@
 //!
 //! A kernel becomes one function over a frame of vectors, 16 rays in step (8 in f64), with its loops: rays, orbits' states and
 //! temporaries stay in registers, and lanes that are done keep their values by masked moves. Results are those of the
-//! interpreter to the last bit. [`trace`] says what is computed, [`segment`] in which registers, [`assemble`] in which
+//! interpreter to the last bit. [`trace`] says what is computed, [`emit`] in which registers, [`assemble`] in which
 //! bytes. Other processors, and systems that allow no such code, have the interpreter.
 
 mod assemble;
+mod emit;
 mod kernels;
 mod kit;
 mod segment;

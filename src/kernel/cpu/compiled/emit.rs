@@ -1,0 +1,441 @@
+//! Recorded operations to instructions, with values kept in registers as long as they are needed.
+//!
+//! Since the code has no branches, the distance to the next use of every value is known. Where registers run out, the
+//! value that is used last makes room (Belady's rule): it goes to the frame, unless it is there anyway.
+
+use std::ops::Range;
+
+use super::assemble::{ACTIVE, Assembler, Function, Fused, Source};
+use super::segment::{Activity, CallSlots, Segment, Slots, Target};
+use super::trace::{Binary, Operation, Place, Unary, Value};
+
+/// Vector registers of the machine.
+pub(super) const REGISTERS: u8 = 32;
+/// Mask registers that values may take; the last of the machine's is [`ACTIVE`], its first cannot hold one.
+const MASKS: std::ops::Range<u8> = 1..ACTIVE;
+
+impl Segment {
+    /// Writes the code. Registers from `limit` on are set aside.
+    pub(super) fn emit(&self, assembler: &mut Assembler, slots: &mut Slots, calls: CallSlots, limit: u8) {
+        let mut emitter = Emitter::new(self, assembler, slots, calls, limit);
+        for (i, operation) in self.operations.iter().enumerate() {
+            if !emitter.uses[i].is_empty() {
+                emitter.at = i as u32;
+                emitter.operation(i as Value, *operation);
+                while let Some(slot) = emitter.dying_slots.pop() {
+                    emitter.slots.free(slot);
+                }
+            }
+        }
+        emitter.finish(self);
+    }
+}
+
+struct Emitter<'a> {
+    assembler: &'a mut Assembler,
+    slots: &'a mut Slots,
+    calls: CallSlots,
+    operations: &'a [Operation],
+    limit: u8,
+    /// The operation being written.
+    at: u32,
+    /// Operations that read a value, the last one first.
+    uses: Vec<Vec<u32>>,
+    /// Register of a value (vector or mask).
+    home: Vec<Option<u8>>,
+    /// Where else it is.
+    memory: Vec<Option<Source>>,
+    spilled: Vec<bool>,
+    /// Slots whose values are dead, but which the current operation may still read from.
+    dying_slots: Vec<u16>,
+    vectors: [Option<Value>; REGISTERS as usize],
+    masks: [Option<Value>; ACTIVE as usize],
+}
+
+impl<'a> Emitter<'a> {
+    fn new(
+        segment: &'a Segment,
+        assembler: &'a mut Assembler,
+        slots: &'a mut Slots,
+        calls: CallSlots,
+        limit: u8,
+    ) -> Emitter<'a> {
+        let count = segment.operations.len();
+        let mut uses = vec![Vec::new(); count];
+        let end = segment.outputs.iter().map(|o| o.0).chain(segment.activity_value());
+        end.for_each(|value| uses[value as usize].push(count as u32));
+        let needed = segment.needed();
+        for i in (0..count).rev().filter(|&i| needed[i]) {
+            segment.operations[i].sources().for_each(|source| uses[source as usize].push(i as u32));
+        }
+        let mut emitter = Emitter {
+            assembler,
+            slots,
+            calls,
+            operations: &segment.operations,
+            limit,
+            at: 0,
+            uses,
+            home: vec![None; count],
+            memory: vec![None; count],
+            spilled: vec![false; count],
+            dying_slots: Vec::new(),
+            vectors: [None; REGISTERS as usize],
+            masks: [None; ACTIVE as usize],
+        };
+        for (i, operation) in segment.operations.iter().enumerate() {
+            match *operation {
+                Operation::Constant(bits) => {
+                    emitter.memory[i] = Some(Source::Constant(emitter.assembler.constant(bits)));
+                }
+                Operation::Read(Place::Slot(slot)) => emitter.memory[i] = Some(Source::Slot(slot)),
+                Operation::Read(Place::Register(register)) => {
+                    emitter.home[i] = Some(register);
+                    emitter.vectors[register as usize] = Some(i as Value);
+                }
+                Operation::Read(Place::Active) => emitter.home[i] = Some(ACTIVE),
+                _ => {}
+            }
+        }
+        emitter
+    }
+
+    fn next_use(&self, value: Value) -> u32 {
+        self.uses[value as usize].last().copied().unwrap_or(u32::MAX)
+    }
+
+    fn is_used_later(&self, value: Value) -> bool {
+        self.uses[value as usize].first().is_some_and(|&last| last > self.at)
+    }
+
+    /// True when the current operation may overwrite the value's register.
+    fn dies(&self, value: Value) -> bool {
+        self.home[value as usize].is_some_and(|r| r < self.limit) && !self.is_used_later(value)
+    }
+
+    /// Saves a value to the frame, unless it is in memory.
+    fn spill(&mut self, value: Value) {
+        let i = value as usize;
+        if self.memory[i].is_some() {
+            return;
+        }
+        let (Some(home), slot) = (self.home[i], self.slots.take()) else { return };
+        match self.operations[i].is_mask() {
+            true => self.assembler.mask_store(slot, home),
+            false => self.assembler.store(slot, home, false),
+        }
+        self.memory[i] = Some(Source::Slot(slot));
+        self.spilled[i] = true;
+    }
+
+    /// Makes a vector register free that holds none of the values to keep.
+    fn take_vector(&mut self, keep: &[Value]) -> u8 {
+        let limit = self.limit;
+        self.take(0..limit, keep, |emitter, r| &mut emitter.vectors[r as usize])
+    }
+
+    /// The same for a mask register.
+    fn take_mask(&mut self, keep: &[Value]) -> u8 {
+        self.take(MASKS, keep, |emitter, r| &mut emitter.masks[r as usize])
+    }
+
+    fn take(
+        &mut self,
+        registers: Range<u8>,
+        keep: &[Value],
+        holder: impl Fn(&mut Self, u8) -> &mut Option<Value>,
+    ) -> u8 {
+        if let Some(free) = registers.clone().find(|&r| holder(self, r).is_none()) {
+            return free;
+        }
+        let held = registers.filter_map(|r| holder(self, r).map(|v| (self.next_use(v), r, v)));
+        let held: Vec<_> = held.filter(|(_, _, v)| !keep.contains(v)).collect();
+        let (_, register, victim) =
+            held.into_iter().max().expect("an operation reads fewer values than there are registers");
+        self.spill(victim);
+        self.home[victim as usize] = None;
+        *holder(self, register) = None;
+        register
+    }
+
+    fn hold(&mut self, value: Value, register: u8) {
+        self.home[value as usize] = Some(register);
+        match self.operations[value as usize].is_mask() {
+            true => self.masks[register as usize] = Some(value),
+            false => self.vectors[register as usize] = Some(value),
+        }
+    }
+
+    /// The register of a value, loaded where it has none.
+    fn register(&mut self, value: Value, keep: &[Value]) -> u8 {
+        if let Some(home) = self.home[value as usize] {
+            return home;
+        }
+        let source = self.memory[value as usize].expect("a value without a register is in memory");
+        let register = self.take_vector(keep);
+        self.assembler.load(register, source);
+        self.hold(value, register);
+        register
+    }
+
+    fn mask_register(&mut self, value: Value, keep: &[Value]) -> u8 {
+        if let Some(home) = self.home[value as usize] {
+            return home;
+        }
+        let Some(Source::Slot(slot)) = self.memory[value as usize] else {
+            unreachable!("a mask without a register is in the frame")
+        };
+        let register = self.take_mask(keep);
+        self.assembler.mask_load(register, slot);
+        self.hold(value, register);
+        register
+    }
+
+    /// A value as the last source of an instruction, which may be in memory.
+    fn source(&mut self, value: Value, keep: &[Value]) -> Source {
+        match (self.home[value as usize], self.memory[value as usize]) {
+            (None, Some(source)) if self.reads_from_memory(value) => source,
+            _ => Source::Register(self.register(value, keep)),
+        }
+    }
+
+    /// True when loading the value would not pay.
+    fn reads_from_memory(&self, value: Value) -> bool {
+        match (self.home[value as usize], self.memory[value as usize]) {
+            (None, Some(Source::Constant(_))) => true,
+            (None, Some(_)) => !self.is_used_later(value),
+            _ => false,
+        }
+    }
+
+    /// Ends the current operation's use of its sources.
+    fn retire(&mut self, sources: impl Iterator<Item = Value>) {
+        for value in sources {
+            let i = value as usize;
+            while self.uses[i].last().is_some_and(|&u| u <= self.at) {
+                self.uses[i].pop();
+            }
+            if !self.uses[i].is_empty() {
+                continue;
+            }
+            if let Some(home) = self.home[i].take()
+                && home < REGISTERS
+            {
+                match self.operations[i].is_mask() {
+                    true if home < ACTIVE => self.masks[home as usize] = None,
+                    true => {}
+                    false => self.vectors[home as usize] = None,
+                }
+            }
+            if let (true, Some(Source::Slot(slot))) = (self.spilled[i], self.memory[i]) {
+                self.dying_slots.push(slot);
+                self.spilled[i] = false;
+            }
+        }
+    }
+
+    fn operation(&mut self, value: Value, operation: Operation) {
+        match operation {
+            Operation::Constant(_) | Operation::Read(_) => {}
+            Operation::Unary(unary, a) => {
+                let dst = match unary {
+                    Unary::Neg | Unary::Abs => {
+                        let a = self.register(a, &[a]);
+                        let dst = self.result(operation);
+                        self.assembler.sign(unary, dst, a);
+                        dst
+                    }
+                    Unary::Sqrt | Unary::Floor => {
+                        let a = self.source(a, &[a]);
+                        let dst = self.result(operation);
+                        self.assembler.unary(unary, dst, a);
+                        dst
+                    }
+                };
+                self.hold(value, dst);
+            }
+            Operation::Binary(binary, a, b) => {
+                let swap = matches!(binary, Binary::Add | Binary::Mul) && self.reads_from_memory(a);
+                let (a, b) = if swap { (b, a) } else { (a, b) };
+                let (first, second) = (self.register(a, &[a, b]), self.source(b, &[a, b]));
+                let dst = self.result(operation);
+                self.assembler.binary(binary, dst, first, second);
+                self.hold(value, dst);
+            }
+            Operation::MulAdd { .. } => self.mul_add(value, operation),
+            Operation::Compare(comparison, a, b) => {
+                let (first, second) = (self.register(a, &[a, b]), self.source(b, &[a, b]));
+                self.retire(operation.sources());
+                let dst = self.take_mask(&[]);
+                self.assembler.compare(comparison, dst, first, second);
+                self.hold(value, dst);
+            }
+            Operation::Select(mask, a, b) => {
+                let mask = self.mask_register(mask, &[mask]);
+                let (otherwise, then) = (self.register(b, &[a, b]), self.source(a, &[a, b]));
+                let dst = self.result(operation);
+                self.assembler.select(dst, mask, otherwise, then);
+                self.hold(value, dst);
+            }
+            Operation::FromMask(mask) => {
+                let mask = self.mask_register(mask, &[mask]);
+                let dst = self.result(operation);
+                self.assembler.number_from_mask(dst, mask);
+                self.hold(value, dst);
+            }
+            Operation::MaskAnd(a, b) | Operation::MaskOr(a, b) => {
+                let (first, second) = (self.mask_register(a, &[a, b]), self.mask_register(b, &[a, b]));
+                self.retire(operation.sources());
+                let dst = self.take_mask(&[]);
+                match operation {
+                    Operation::MaskAnd(..) => self.assembler.mask_and(dst, first, second),
+                    _ => self.assembler.mask_or(dst, first, second),
+                }
+                self.hold(value, dst);
+            }
+            Operation::MaskNot(a) => {
+                let first = self.mask_register(a, &[a]);
+                self.retire(operation.sources());
+                let dst = self.take_mask(&[]);
+                self.assembler.mask_not(dst, first);
+                self.hold(value, dst);
+            }
+            Operation::Call(kit, a, b) => {
+                self.call(self.calls.kits.function(kit), [a, b]);
+                let dst = self.take_vector(&[]);
+                self.assembler.load(dst, Source::Slot(self.calls.first + 2));
+                self.hold(value, dst);
+            }
+            Operation::Second(_) => {
+                // Recorded right behind its call, so the result still lies there.
+                self.retire(operation.sources());
+                let dst = self.take_vector(&[]);
+                self.assembler.load(dst, Source::Slot(self.calls.first + 3));
+                self.hold(value, dst);
+            }
+        }
+    }
+
+    /// A register for the result, after the last use of sources that end here. A source that has to make room is
+    /// saved first, and still there when the instruction reads it.
+    fn result(&mut self, operation: Operation) -> u8 {
+        self.retire(operation.sources());
+        self.take_vector(&[])
+    }
+
+    fn mul_add(&mut self, value: Value, operation: Operation) {
+        let Operation::MulAdd { a, b, c, minus_product, minus_c } = operation else { return };
+        let keep = [a, b, c];
+        let signs = (minus_product, minus_c);
+        let (form, dst, second, last) = if self.dies(c) && c != a && c != b {
+            let (a, b) = if self.reads_from_memory(a) { (b, a) } else { (a, b) };
+            let (second, last) = (self.register(a, &keep), self.source(b, &keep));
+            (Fused::Dst231, self.register(c, &keep), second, last)
+        } else if let Some((x, y)) = [(a, b), (b, a)].into_iter().find(|&(x, y)| self.dies(x) && x != y && x != c) {
+            let dst = self.register(x, &keep);
+            if self.reads_from_memory(y) && self.home[c as usize].is_some() {
+                (Fused::Dst132, dst, self.register(c, &keep), self.source(y, &keep))
+            } else {
+                (Fused::Dst213, dst, self.register(y, &keep), self.source(c, &keep))
+            }
+        } else {
+            let (a, b) = if self.reads_from_memory(a) { (b, a) } else { (a, b) };
+            let (second, last) = (self.register(a, &keep), self.source(b, &keep));
+            let dst = self.take_vector(&keep);
+            let from = match self.home[c as usize] {
+                Some(home) => Source::Register(home),
+                None => self.memory[c as usize].expect("a value without a register is in memory"),
+            };
+            self.assembler.load(dst, from);
+            (Fused::Dst231, dst, second, last)
+        };
+        self.retire(operation.sources());
+        self.assembler.mul_add(form, signs, dst, second, last);
+        self.hold(value, dst);
+    }
+
+    fn call(&mut self, function: Function, arguments: [Value; 2]) {
+        for (i, argument) in arguments.into_iter().enumerate() {
+            let register = self.register(argument, &arguments);
+            self.assembler.store(self.calls.first + i as u16, register, false);
+        }
+        self.retire(arguments.into_iter());
+        let live = self.vectors.iter().chain(&self.masks).flatten().copied().collect::<Vec<_>>();
+        for value in live {
+            self.spill(value);
+            self.home[value as usize] = None;
+        }
+        self.vectors = [None; REGISTERS as usize];
+        self.masks = [None; ACTIVE as usize];
+        self.assembler.mask_store(self.calls.first + 4, ACTIVE);
+        self.assembler.call(function, self.calls.first);
+        self.assembler.mask_load(ACTIVE, self.calls.first + 4);
+    }
+
+    fn finish(&mut self, segment: &Segment) {
+        self.at = self.operations.len() as u32;
+        if let Activity::Become(mask) = segment.activity {
+            let mask = self.mask_register(mask, &[]);
+            self.assembler.mask_copy(ACTIVE, mask);
+        }
+        self.move_out_of_the_way(segment);
+        for (value, target) in &segment.outputs {
+            if self.is_there(*value, *target) {
+                continue;
+            }
+            let register = self.register(*value, &[]);
+            match *target {
+                Target::Slot(slot) => self.assembler.store(slot, register, false),
+                Target::ActiveSlot(slot) => self.assembler.store(slot, register, true),
+                Target::Register(to) => self.assembler.load(to, Source::Register(register)),
+                Target::ActiveRegister(to) => self.assembler.merge(to, register),
+            }
+        }
+        if let Activity::Lose(mask) = segment.activity {
+            let mask = self.mask_register(mask, &[]);
+            self.assembler.mask_and_not(ACTIVE, mask, ACTIVE);
+        }
+        for i in 0..self.operations.len() {
+            if let (true, Some(Source::Slot(slot))) = (self.spilled[i], self.memory[i]) {
+                self.slots.free(slot);
+            }
+        }
+    }
+
+    /// True when an output is an input that stays where it is.
+    fn is_there(&self, value: Value, target: Target) -> bool {
+        match (self.operations[value as usize], target) {
+            (Operation::Read(Place::Slot(from)), Target::Slot(to) | Target::ActiveSlot(to)) => from == to,
+            (Operation::Read(Place::Register(from)), Target::Register(to) | Target::ActiveRegister(to)) => from == to,
+            _ => false,
+        }
+    }
+
+    /// Copies outputs that another output would overwrite before they are stored.
+    fn move_out_of_the_way(&mut self, segment: &Segment) {
+        let kept: Vec<Value> = segment.outputs.iter().map(|o| o.0).collect();
+        for (value, target) in &segment.outputs {
+            if self.is_there(*value, *target) {
+                continue;
+            }
+            let overwritten = |place: Place| {
+                segment.outputs.iter().any(|(_, other)| match (place, *other) {
+                    (Place::Slot(from), Target::Slot(to) | Target::ActiveSlot(to)) => from == to,
+                    (Place::Register(from), Target::Register(to) | Target::ActiveRegister(to)) => from == to,
+                    _ => false,
+                })
+            };
+            match self.operations[*value as usize] {
+                Operation::Read(place @ Place::Slot(_)) if overwritten(place) => {
+                    self.register(*value, &kept);
+                }
+                Operation::Read(place @ Place::Register(from)) if overwritten(place) => {
+                    let register = self.take_vector(&kept);
+                    self.assembler.load(register, Source::Register(from));
+                    self.hold(*value, register);
+                }
+                _ => {}
+            }
+        }
+    }
+}
