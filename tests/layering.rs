@@ -4,8 +4,23 @@ use std::path::{Path, PathBuf};
 
 /// Modules of the crate; each may import those before it. `film` (pictures) is below `render`, which joins everything.
 const ORDER: &[&str] = &[
-    "math", "diag", "expr", "formula", "graph", "kernel", "compose", "march", "shade", "film", "render", "precision",
-    "load", "check", "chart", "view", "cli",
+    "math",
+    "diag",
+    "expr",
+    "formula",
+    "graph",
+    "kernel",
+    "compose",
+    "march",
+    "shade",
+    "film",
+    "render",
+    "precision",
+    "load",
+    "check",
+    "chart",
+    "view",
+    "cli",
 ];
 
 fn rust_files(folder: &Path, files: &mut Vec<PathBuf>) {

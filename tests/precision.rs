@@ -86,7 +86,8 @@ fn depths(place: &Place, graph: &ValidGraph, precision: Precision) -> (Vec<Optio
     let pipeline = compose_pipeline(&composer, &settings).unwrap();
     let cpu = Cpu::new(precision);
     let mut renderer = Renderer::new(&cpu, &arena, &pipeline, &settings).unwrap();
-    let pixels: Vec<(u32, u32)> = (0..SIZE.width * SIZE.height).step_by(7).map(|i| (i % SIZE.width, i / SIZE.width)).collect();
+    let pixels: Vec<(u32, u32)> =
+        (0..SIZE.width * SIZE.height).step_by(7).map(|i| (i % SIZE.width, i / SIZE.width)).collect();
     let found = renderer.depths(&pixels).unwrap();
     (found, resolution(&composer, &pipeline, SIZE), pipeline.pixel_radius)
 }
@@ -150,7 +151,8 @@ fn shares_of_rounding() {
         let subject = place.formula.subject();
         let target = point((place.camera.position, place.direction), place.distance);
         // Points a thousandth in front of the surface, a little apart.
-        let at = |k: usize| [0, 1, 2].map(|i| target[i] - place.direction[i] * 1e-3 + 1e-5 * ((k * (i + 3)) as f64).sin());
+        let at =
+            |k: usize| [0, 1, 2].map(|i| target[i] - place.direction[i] * 1e-3 + 1e-5 * ((k * (i + 3)) as f64).sin());
         let points: Vec<[f64; 3]> = (0..500).map(at).collect();
         let rounded: Vec<[f64; 3]> = points.iter().map(|p| p.map(|x| f64::from(x as f32))).collect();
         let kernel = subject.estimator(&subject.plan.choices).unwrap();
@@ -211,8 +213,11 @@ fn known(formula: &str, camera: Camera, exact: impl Fn([f64; 3]) -> f64) {
         let d = [0, 1, 2].map(|i| frame.right[i] * right + frame.up[i] * up + frame.forward[i]);
         let d = glam::DVec3::from(d).normalize().to_array();
         let (t, exact) = (t.unwrap_or(f64::INFINITY), exact(d));
-        assert!((t - exact).abs() < pixel_radius * exact, "{formula}
-pixel {x}, {y}: {t:e} instead of {exact:e}");
+        assert!(
+            (t - exact).abs() < pixel_radius * exact,
+            "{formula}
+pixel {x}, {y}: {t:e} instead of {exact:e}"
+        );
     }
 }
 
@@ -235,7 +240,8 @@ fn below(height: f64, at: [f64; 2], delta: f64) -> Camera {
 #[test]
 fn a_sphere_is_where_it_is_a_trillionth_away() {
     for delta in DELTAS {
-        let primitive = r#"(nodes: { "ball": Sphere(centre: (0, 0, 0), radius: 1) }, output: "ball", bounding_radius: 1.5)"#;
+        let primitive =
+            r#"(nodes: { "ball": Sphere(centre: (0, 0, 0), radius: 1) }, output: "ball", bounding_radius: 1.5)"#;
         known(primitive, below(1.0, [0.0; 2], delta), sphere_depth(delta));
         // The Julia set of z^8 with constant 0 is the unit ball; 22 iterations leave no shell of 1e-18.
         let julia = r#"(nodes: { "bulb": bulb_power(power: 8) }, output: "bulb", constant: Julia((0, 0, 0)),
@@ -247,7 +253,8 @@ fn a_sphere_is_where_it_is_a_trillionth_away() {
 #[test]
 fn a_plane_is_where_it_is_a_trillionth_away() {
     for delta in DELTAS {
-        let plane = r#"(nodes: { "floor": Plane(normal: (0, 0, -1), offset: 1) }, output: "floor", bounding_radius: 3)"#;
+        let plane =
+            r#"(nodes: { "floor": Plane(normal: (0, 0, -1), offset: 1) }, output: "floor", bounding_radius: 3)"#;
         known(plane, below(1.0, [0.3, 0.2], delta), |d| delta / d[2]);
     }
 }
@@ -313,7 +320,10 @@ fn precision_follows_the_zoom_and_says_so() {
     let (code, said) = run(1e-7, &["--backend", "cpu", "--quiet"]);
     assert!(code == 0 && said.is_empty(), "{said}");
     let (code, said) = run(1e-7, &["--backend", "cpu", "--precision", "f32", "--stats"]);
-    assert!(code == 0 && said.contains("warning: this view is too close for f32") && said.contains("cpu, f32"), "{said}");
+    assert!(
+        code == 0 && said.contains("warning: this view is too close for f32") && said.contains("cpu, f32"),
+        "{said}"
+    );
     // A camera inside the set is not close to anything.
     let (code, said) = run(-0.3, &["--backend", "cpu"]);
     assert!(code == 0 && !said.contains("too close"), "{said}");

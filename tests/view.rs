@@ -58,8 +58,10 @@ fn class(shown: &Shown, pixel: Pixel) -> &str {
 }
 
 fn ball() -> Formula {
-    Formula::from_ron(r#"(nodes: { "ball": Sphere(centre: (0, 0, 0), radius: 1) }, output: "ball", bounding_radius: 2)"#)
-        .unwrap()
+    Formula::from_ron(
+        r#"(nodes: { "ball": Sphere(centre: (0, 0, 0), radius: 1) }, output: "ball", bounding_radius: 2)"#,
+    )
+    .unwrap()
 }
 
 /// Pure scaling: after 4 iterations the ball of radius 16 / 2^4 = 1 is in. Its estimate with radius 0 is the distance to

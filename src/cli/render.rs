@@ -16,7 +16,9 @@ use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_pipeli
 use bulbfold::shade::{self, Size};
 use clap::Args;
 
-use super::arguments::{BackendArg, EstimateArgs, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector};
+use super::arguments::{
+    BackendArg, EstimateArgs, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector,
+};
 use super::backend::{Job, Wanted, run_job};
 use super::progress::{Progress, short};
 use super::session::{check_output, talk};

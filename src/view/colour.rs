@@ -30,7 +30,7 @@ impl Axis {
         }
         let [least, most] = [5, 995].map(|part| sorted[(sorted.len() - 1) * part / 1000]);
         let steps = || (-12..=12).flat_map(|e| [1.0, 2.0, 5.0].map(|m| m * 10f64.powi(e)));
-        let low = steps().filter(|s| *s <= least).last().unwrap_or(least);
+        let low = steps().rfind(|s| *s <= least).unwrap_or(least);
         let high = steps().find(|s| *s >= most && *s > low).unwrap_or(most);
         Axis::Log { low, high }
     }

@@ -64,7 +64,11 @@ impl Shown {
         for tick in axis.ticks() {
             let x = left + width * axis.place(tick);
             page.line(&[[x, below], [x, below + 4.0]], GREY, 1.0);
-            let text = Text::new([0.0; 2], format!("{}{}", number(tick), if has_more && tick >= axis.high() * 0.999 { "+" } else { "" }), LABEL);
+            let text = Text::new(
+                [0.0; 2],
+                format!("{}{}", number(tick), if has_more && tick >= axis.high() * 0.999 { "+" } else { "" }),
+                LABEL,
+            );
             let half = text.width() / 2.0;
             let middle = x.clamp(left + half, right - half);
             if middle - half > last + 6.0 {

@@ -73,7 +73,13 @@ impl<'a> ViewKernels<'a> {
             None => None,
         };
         let ports = march_output_ports().len();
-        let mut marched = Marched { size, hits: vec![Vec::new(); ports], crossing: Vec::new(), before: Vec::new(), decider: Vec::new() };
+        let mut marched = Marched {
+            size,
+            hits: vec![Vec::new(); ports],
+            crossing: Vec::new(),
+            before: Vec::new(),
+            decider: Vec::new(),
+        };
         let pixels = pixels(size);
         for batch in pixels.chunks(BATCH) {
             let rays = backend.run(&camera, &[&backend.upload(&centres(batch))?])?;
