@@ -3,7 +3,7 @@
 //! In comes a [`Pipeline`]; a few of its rays are marched in f64, and out comes the [`Resolution`] of the view: its
 //! footprints against the spacing of numbers where the rays hit. A footprint is a pixel's diameter at the hit.
 
-use crate::compose::Composer;
+use crate::expr::Arena;
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::{Backend, BackendError, Status, march_output_ports};
 use crate::render::Pipeline;
@@ -59,8 +59,8 @@ impl Resolution {
 }
 
 /// Measures a view by a few hundred rays, marched in f64. Where none of them hits, the camera's target stands in.
-pub fn resolution(composer: &Composer, pipeline: &Pipeline, size: Size) -> Resolution {
-    let hits = march(composer, pipeline, size).expect("the CPU runs every kernel");
+pub fn resolution(arena: &Arena, pipeline: &Pipeline, size: Size) -> Resolution {
+    let hits = march(arena, pipeline, size).expect("the CPU runs every kernel");
     let at = |t: f64, p: [f64; 3]| Resolution {
         footprint: 2.0 * pipeline.pixel_radius * t,
         size: p.iter().fold(t, |most, x| most.max(x.abs())),
@@ -73,15 +73,15 @@ pub fn resolution(composer: &Composer, pipeline: &Pipeline, size: Size) -> Resol
 }
 
 /// Depths and points of the hits of an even grid of pixels; a camera in the set hits nothing.
-fn march(composer: &Composer, pipeline: &Pipeline, size: Size) -> Result<Vec<(f64, [f64; 3])>, BackendError> {
+fn march(arena: &Arena, pipeline: &Pipeline, size: Size) -> Result<Vec<(f64, [f64; 3])>, BackendError> {
     let (columns, rows) = (GRID.0.min(size.width), GRID.1.min(size.height));
     let place = |i: u32, of: u32, edge: u32| (f64::from(i) + 0.5) / f64::from(of) * f64::from(edge);
     let grid = || (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
     let x = grid().map(|(i, _)| place(i, columns, size.width)).collect();
     let y = grid().map(|(_, j)| place(j, rows, size.height)).collect();
     let cpu = Cpu::new(Precision::F64);
-    let camera = cpu.prepare(composer.arena, &pipeline.camera_kernel)?;
-    let kernel = cpu.prepare(composer.arena, &pipeline.march)?;
+    let camera = cpu.prepare(arena, &pipeline.camera_kernel)?;
+    let kernel = cpu.prepare(arena, &pipeline.march)?;
     let rays = cpu.run(&camera, &[&cpu.upload(&[x, y])?])?;
     let out = cpu.download(&cpu.run(&kernel, &[&rays])?)?;
     let rays = cpu.download(&rays)?;

@@ -89,7 +89,7 @@ fn depths(place: &Place, graph: &ValidGraph, precision: Precision) -> (Vec<Optio
     let pixels: Vec<(u32, u32)> =
         (0..SIZE.width * SIZE.height).step_by(7).map(|i| (i % SIZE.width, i / SIZE.width)).collect();
     let found = renderer.depths(&pixels).unwrap();
-    (found, resolution(&composer, &pipeline, SIZE), pipeline.pixel_radius)
+    (found, resolution(&arena, &pipeline, SIZE), pipeline.pixel_radius)
 }
 
 /// Median difference of f32's depths from f64's in footprints, and the share of pixels where only one of them hits.

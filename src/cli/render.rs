@@ -137,22 +137,8 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
     }
     let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
-    let mut settings = RenderSettings {
-        size: arguments.size.unwrap_or_else(|| arguments.default_size()),
-        samples: arguments.samples,
-        min_difference: asked.min_difference(),
-        estimate: arguments.estimate.settings(),
-        ..RenderSettings::default()
-    };
     let arena = Rc::new(Arena::default());
-    let mut pipeline = compose(session, &arena, &graph, &settings, &arguments.camera)?;
-    let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
-    let resolution = resolution(&composer, &pipeline, settings.size);
-    let precision = settle_precision(session, arguments, asked, &resolution);
-    if precision != asked {
-        settings.min_difference = precision.min_difference();
-        pipeline = compose(session, &arena, &graph, &settings, &arguments.camera)?;
-    }
+    let Fitted { settings, pipeline, precision } = fit(session, arguments, asked, &arena, &graph)?;
     for warning in &pipeline.plan.warnings {
         session.warn(warning);
     }
@@ -160,7 +146,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     if let Some(ViewArg(view)) = arguments.view {
         let request = Request {
             view,
-            composer,
+            composer: Composer { arena: &arena, library: &session.library, graph: &graph },
             pipeline: &pipeline,
             settings: &settings,
             backend: arguments.backend,
@@ -196,6 +182,38 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         talk(&format!("{} ({})", output.display(), short(stats.render)));
     }
     Ok(())
+}
+
+/// A picture's kernels in the precision that its view needs.
+struct Fitted {
+    settings: RenderSettings,
+    pipeline: Pipeline,
+    precision: PrecisionArg,
+}
+
+/// Composes the kernels; again where the view is too close for the precision that was asked for.
+fn fit(
+    session: &Session,
+    arguments: &Arguments,
+    asked: PrecisionArg,
+    arena: &Rc<Arena>,
+    graph: &ValidGraph,
+) -> Result<Fitted, Failure> {
+    let mut settings = RenderSettings {
+        size: arguments.size.unwrap_or_else(|| arguments.default_size()),
+        samples: arguments.samples,
+        min_difference: asked.min_difference(),
+        estimate: arguments.estimate.settings(),
+        ..RenderSettings::default()
+    };
+    let mut pipeline = compose(session, arena, graph, &settings, &arguments.camera)?;
+    let resolution = resolution(arena, &pipeline, settings.size);
+    let precision = settle_precision(session, arguments, asked, &resolution);
+    if precision != asked {
+        settings.min_difference = precision.min_difference();
+        pipeline = compose(session, arena, graph, &settings, &arguments.camera)?;
+    }
+    Ok(Fitted { settings, pipeline, precision })
 }
 
 /// The precision of the picture, with a word where the view is too close for one.
