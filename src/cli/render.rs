@@ -223,14 +223,11 @@ fn settle_precision(
     asked: PrecisionArg,
     resolution: &Resolution,
 ) -> PrecisionArg {
-    let ulps = |precision: PrecisionArg| resolution.ulps(precision.cpu());
     let fits = |precision: PrecisionArg| resolution.fits(precision.cpu());
     let grain = |precision: PrecisionArg| {
-        format!(
-            "a pixel spans {:.2} units of the last place of {} and should span {LEAST_ULPS}",
-            ulps(precision),
-            precision.name()
-        )
+        let ulps = resolution.ulps(precision.cpu());
+        let shown = if ulps < 0.01 { format!("{ulps:.1e}") } else { format!("{ulps:.2}") };
+        format!("a pixel spans {shown} units of the last place of {} and should span {LEAST_ULPS}", precision.name())
     };
     if asked == PrecisionArg::F32 && !fits(asked) {
         let (is_auto, is_gpu) = (arguments.precision == PicturePrecision::Auto, arguments.backend == BackendArg::Gpu);
