@@ -272,16 +272,16 @@ fn the_doctor_finds_the_cpu_back_ends_in_agreement() {
 #[test]
 fn an_audit_says_what_is_proven_and_what_was_missed() {
     let folder = folder();
-    // Where r - R is said to be r, a gradient overestimates: some of a Mandelbox is missed.
+    // Where r - R is said to be r, a gradient overestimates: some of a Mandelbox of scale -1.5 is missed.
     let arguments =
-        ["audit", "mandelbox", "--de", "gradient", "--rays", "300", "--size", "64x48", "--json", "--quiet"];
+        ["audit", "mandelbox_negative", "--de", "gradient", "--rays", "300", "--size", "64x48", "--json", "--quiet"];
     let output = bulbfold(folder.path(), &arguments);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert!(stderr(&output).is_empty(), "quiet means quiet");
     let audit: Value = serde_json::from_str(&stdout(&output)).expect("JSON");
     let count = |name: &str| audit[name].as_u64().expect("a count");
     assert_eq!(count("proven_empty") + count("hit") + count("undecided"), 300);
-    assert!(count("proven_empty") > 100 && audit["method"] == "gradient", "{audit}");
+    assert!(count("proven_empty") > 60 && audit["method"] == "gradient", "{audit}");
     let wrong = audit["wrong"].as_array().expect("a list");
     assert!(wrong.iter().any(|w| w["kind"] == "missed hit" && w["certified"].is_f64()), "{audit}");
 

@@ -22,7 +22,9 @@ fn random_value(kind: &ParamKind, low: f64, high: f64, random: &mut Random) -> P
     // Ranges reach far beyond what is used; most samples are near the origin.
     let (low, high) = (low.max(-3.0), high.min(3.0));
     match kind {
-        ParamKind::Float if random.below(2) == 0 => ParamValue::Number(random.range(low, high).round().clamp(low, high)),
+        ParamKind::Float if random.below(2) == 0 => {
+            ParamValue::Number(random.range(low, high).round().clamp(low, high))
+        }
         ParamKind::Float => ParamValue::Number(random.range(low, high)),
         ParamKind::Int => ParamValue::Number(random.range(low.max(1.0), high.max(1.0)).round()),
         ParamKind::Angle => ParamValue::Number(random.range(-180.0, 180.0)),
@@ -129,7 +131,14 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 /// How many samples had each rule: growth, stretch, bend and pull_back.
 type Seen = [usize; 4];
 
-fn check_rules(library: &Library, backends: &Backends, step: &Step, set: usize, width: u8, random: &mut Random) -> Seen {
+fn check_rules(
+    library: &Library,
+    backends: &Backends,
+    step: &Step,
+    set: usize,
+    width: u8,
+    random: &mut Random,
+) -> Seen {
     let arena = Rc::new(Arena::default());
     let params = parameters(step, set, random);
     let kernel = kernel(library, step, &arena, &params, width);
@@ -138,7 +147,8 @@ fn check_rules(library: &Library, backends: &Backends, step: &Step, set: usize, 
     let w = usize::from(width);
     // A step of three components leaves w to the composer.
     let moved = if step.state == StateWidth::Three { 3 } else { w };
-    let vector = |columns: &[Vec<f64>], k: usize, i: usize| (0..moved).map(|j| columns[k * w + j][i]).collect::<Vec<_>>();
+    let vector =
+        |columns: &[Vec<f64>], k: usize, i: usize| (0..moved).map(|j| columns[k * w + j][i]).collect::<Vec<_>>();
     let mut seen = Seen::default();
     for i in 0..BALLS {
         let [z, x, y] = [0, 1, 2].map(|k| vector(&columns, k, i));
@@ -163,7 +173,11 @@ fn check_rules(library: &Library, backends: &Backends, step: &Step, set: usize, 
             seen[3] += 1;
             let t = columns[3 * w + 1][i];
             let image = norm(&fz);
-            assert!(norm(&z) <= pull_back || image >= t - slack, "pull_back of {t} is {pull_back}: {image}, {}", place());
+            assert!(
+                norm(&z) <= pull_back || image >= t - slack,
+                "pull_back of {t} is {pull_back}: {image}, {}",
+                place()
+            );
         }
     }
     seen
@@ -209,10 +223,15 @@ fn as_ron(value: &ParamValue) -> String {
 /// proofs said anything.
 fn check_proofs(backends: &Backends, step: &Step, set: usize, method: Method, random: &mut Random) -> [usize; 2] {
     let params = parameters(step, set, random);
-    let list: Vec<String> = step.params.iter().zip(&params).map(|(p, (name, value))| match (&p.kind, value) {
-        (ParamKind::Int, ParamValue::Number(x)) => format!("{name}: {}", *x as i64),
-        _ => format!("{name}: {}", as_ron(value)),
-    }).collect();
+    let list: Vec<String> = step
+        .params
+        .iter()
+        .zip(&params)
+        .map(|(p, (name, value))| match (&p.kind, value) {
+            (ParamKind::Int, ParamValue::Number(x)) => format!("{name}: {}", *x as i64),
+            _ => format!("{name}: {}", as_ron(value)),
+        })
+        .collect();
     let text = format!(
         "(nodes: {{\"a\": {}({})}}, escape_radius: 2, max_iterations: 2, constant: Julia((0.3, -0.2, 0.1)), bounding_radius: 4)",
         step.name,

@@ -158,10 +158,9 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     // numbers at t, or of no length at t = 0, would stand still: then the least step that any precision has is taken.
     // Proofs may be shorter than the walk's steps.
     let usable = zero.le(de).select(de, zero);
-    let walk = hit_eps * WALK;
     let step = match settings.certified {
-        true => usable.lt(hit_eps * certified::SHORTEST).select(walk, usable),
-        false => (usable * settings.fudge).max(walk),
+        true => certified::step(usable, hit_eps),
+        false => (usable * settings.fudge).max(hit_eps * WALK),
     };
     let wanted = ray.t + step;
     let least = ray.t * (1.0 + 2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01;
