@@ -218,8 +218,8 @@ impl Step {
         self.ast.iter_functions().any(|f| f.name == name && f.params.len() == arguments)
     }
 
-    /// Traces one of the step's functions that return a number: `stretch` and `growth` of `(z, e, p)` or `pull_back` of
-    /// `(t, p)`. `None` where the file has none of this name. In a four-component orbit a step of three components sees
+    /// Traces one of the step's functions that return a number: `stretch`, `growth` and `bend` of `(z, e, p)` or
+    /// `pull_back` of `(t, p)`. `None` where the file has none of this name. In a four-component orbit a step of three components sees
     /// the first three.
     pub fn trace_number<'g>(
         &self,

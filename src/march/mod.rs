@@ -156,8 +156,13 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
 
     // Marching: forward by the estimate. Bisecting: to the middle. A NaN estimate walks on. A step below the spacing of
     // numbers at t, or of no length at t = 0, would stand still: then the least step that any precision has is taken.
+    // Proofs may be shorter than the walk's steps.
     let usable = zero.le(de).select(de, zero);
-    let wanted = ray.t + (usable * settings.fudge).max(hit_eps * WALK);
+    let step = match settings.certified {
+        true => certified::step(usable, hit_eps),
+        false => (usable * settings.fudge).max(hit_eps * WALK),
+    };
+    let wanted = ray.t + step;
     let least = ray.t * (1.0 + 2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01;
     let forward = wanted.le(ray.t).select(least, wanted);
     let middle = (t_inside + t_outside) * 0.5;

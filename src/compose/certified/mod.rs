@@ -21,7 +21,7 @@ use crate::expr::enclose::UNBOUNDED;
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
 use crate::graph::{Condition, Constant, IterationMap, MapTree, Method, NodeRef, OrbitSettings, resolve_schedule};
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
-use rules::{RuleInputs, step_rule};
+use rules::{RuleInputs, StepRule, Tangent, step_rule};
 
 /// Share of a proven step that is taken: the rest is for rounding of the factor itself.
 const MARGIN: f64 = 0.999;
@@ -267,7 +267,12 @@ impl<'a> Builder<'a> {
     fn prove(&self, s: Expr<'a>, moved: &Moved<'a>, threshold: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
         let r = moved.z.length();
-        let proven = (r - threshold - moved.eta) / moved.l.max(arena.f(1e-30));
+        // A segment comes nearer to the origin only by its direction's share towards it.
+        let factor = moved.segment.map_or(moved.l, |(v, rho)| {
+            let towards = rho + (-v.dot(moved.z) / r).max(arena.f(0.0));
+            towards.lt(moved.l).select(towards, moved.l)
+        });
+        let proven = (r - threshold - moved.eta) / factor.max(arena.f(1e-30));
         let known = moved.l.lt(arena.f(UNBOUNDED)).and(r.lt(arena.f(UNBOUNDED)));
         known.and(s.lt(proven)).select(proven, s)
     }
@@ -320,15 +325,27 @@ impl<'a> Context<'a, '_> {
         let moved = Moved {
             z: rule.image,
             l: by_constant.map_or(l, |more| l + more),
-            eta: rule.growth * input.eta + rounding,
+            eta: self.rounding_growth(&rule, &inputs) * input.eta + rounding,
             segment: None,
         };
         let segment = input.segment.map(|(v, rho)| match rule.tangent {
-            Some((middle, radius)) => (middle, rule.stretch * rho + radius),
+            Some(Tangent::Within(middle, radius)) => (middle, rule.stretch * rho + radius),
+            // Taylor: no point is farther from the centre than l s, so l e0 bounds one of the two factors.
+            Some(Tangent::Bending(along, bend)) => (along, rule.growth * rho + bend * inputs.e * input.l * 0.5),
             // Worse than the factor, so it starts again.
             None => (v.lift(0.0), moved.l),
         });
         Ok(Moved { segment, ..moved }.settled())
+    }
+
+    /// How much rounding errors grow: those of a segment by what bounds its remainder. Where a bend is worse than the
+    /// growth the segment starts again, so it need not count for more.
+    fn rounding_growth(&self, rule: &StepRule<'a>, inputs: &RuleInputs<'a>) -> Expr<'a> {
+        match rule.tangent {
+            Some(Tangent::Within(..)) => rule.stretch,
+            Some(Tangent::Bending(_, bend)) => rule.growth + (bend * inputs.e * 0.5).min(rule.growth * KEPT),
+            None => rule.growth,
+        }
     }
 
     /// The union of both branches where the condition is not decided over the ball. The other branch's distance from the

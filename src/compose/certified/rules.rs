@@ -21,10 +21,29 @@ pub(super) struct StepRule<'g> {
     pub(super) stretch: Expr<'g>,
     /// The same for distances of the constant, where the step reads it.
     pub(super) by_constant: Option<Expr<'g>>,
-    /// The derivatives along the given vector, at all points of the ball, lie in a ball with this centre and radius.
-    pub(super) tangent: Option<(Expr<'g>, Expr<'g>)>,
+    /// What becomes of the given vector.
+    pub(super) tangent: Option<Tangent<'g>>,
     /// Operations of the image: how often it is rounded.
     pub(super) operations: usize,
+}
+
+/// The derivative along a vector.
+#[derive(Clone, Copy)]
+pub(super) enum Tangent<'g> {
+    /// At all points of the ball it lies in a ball with this centre and radius.
+    Within(Expr<'g>, Expr<'g>),
+    /// What it is at the centre, and how much the derivative in any direction changes at most per length of the way from
+    /// there.
+    Bending(Expr<'g>, Expr<'g>),
+}
+
+impl<'g> Tangent<'g> {
+    fn parts(self) -> [Expr<'g>; 2] {
+        match self {
+            Tangent::Within(middle, radius) => [middle, radius],
+            Tangent::Bending(along, bend) => [along, bend],
+        }
+    }
 }
 
 /// What goes into a rule.
@@ -79,7 +98,7 @@ pub(super) fn step_rule<'a>(
     places.extend(symbols.v.zip(inputs.v));
     let mut roots = vec![rule.image, rule.growth, rule.stretch];
     roots.extend(rule.by_constant);
-    roots.extend(rule.tangent.iter().flat_map(|(middle, radius)| [*middle, *radius]));
+    roots.extend(rule.tangent.iter().flat_map(|tangent| tangent.parts()));
     let mut real = substitute(arena, &roots, &places).into_iter();
     let mut next = || real.next().expect("as many come out as went in");
     Ok(Some(StepRule {
@@ -87,7 +106,10 @@ pub(super) fn step_rule<'a>(
         growth: next(),
         stretch: next(),
         by_constant: rule.by_constant.map(|_| next()),
-        tangent: rule.tangent.map(|_| (next(), next())),
+        tangent: rule.tangent.map(|tangent| match tangent {
+            Tangent::Within(..) => Tangent::Within(next(), next()),
+            Tangent::Bending(..) => Tangent::Bending(next(), next()),
+        }),
         operations: rule.operations,
     }))
 }
@@ -111,17 +133,28 @@ impl<'a> Tracer<'a, '_> {
         };
         let growth = if reads_c { None } else { self.number("growth")? };
         let growth = growth.unwrap_or(stretch);
-        // Of maps whose derivative is only guessed by r (bulb powers), bounds of the derivative over a ball were measured to
-        // be wider than the stated growth, at four times its cost: there the segment starts again.
-        let follows = self.step.differentiable && !reads_c && self.step.scalar_rule != Some(ScalarRule::Heuristic);
-        let tangent = self.inputs.v.filter(|_| follows).map(|v| {
-            let along = Differentiator::new(arena, &[(self.inputs.z, v)]).derivative(image);
-            let bounds = Encloser::new(arena, &[(self.inputs.z, self.inputs.e)]).bounds(along);
-            let middle: Vec<Expr> = bounds.iter().map(|b| b.middle()).collect();
-            let radius: Vec<Expr> = bounds.iter().map(|b| b.half_width()).collect();
-            (arena.compose(&middle), arena.compose(&radius).length())
-        });
+        let tangent = match self.inputs.v {
+            Some(v) if self.step.differentiable && !reads_c => self.tangent(image, v)?,
+            _ => None,
+        };
         Ok(StepRule { image, growth, stretch, by_constant, tangent, operations: nodes.len() })
+    }
+
+    fn tangent(&self, image: Expr<'a>, v: Expr<'a>) -> Result<Option<Tangent<'a>>, Diagnostic> {
+        let arena = self.composer.arena;
+        let along = Differentiator::new(arena, &[(self.inputs.z, v)]).derivative(image);
+        if let Some(bend) = self.traced_number("bend")? {
+            return Ok(Some(Tangent::Bending(along, bend)));
+        }
+        // Of maps whose derivative is only guessed by r, bounds of the derivative over a ball were measured to be wider
+        // than a stated growth, at four times its cost: there the segment starts again.
+        if self.step.scalar_rule == Some(ScalarRule::Heuristic) {
+            return Ok(None);
+        }
+        let bounds = Encloser::new(arena, &[(self.inputs.z, self.inputs.e)]).bounds(along);
+        let middle: Vec<Expr> = bounds.iter().map(|b| b.middle()).collect();
+        let radius: Vec<Expr> = bounds.iter().map(|b| b.half_width()).collect();
+        Ok(Some(Tangent::Within(arena.compose(&middle), arena.compose(&radius).length())))
     }
 
     fn image(&self) -> Result<Expr<'a>, Diagnostic> {
@@ -137,12 +170,14 @@ impl<'a> Tracer<'a, '_> {
 
     /// A rule of the step's file, at least 1 where the step leaves w alone.
     fn number(&self, function: &str) -> Result<Option<Expr<'a>>, Diagnostic> {
+        Ok(self.traced_number(function)?.map(|number| self.with_w(number)))
+    }
+
+    fn traced_number(&self, function: &str) -> Result<Option<Expr<'a>>, Diagnostic> {
         let library = self.composer.library;
         let arguments = [self.inputs.z, self.inputs.e];
         let arena = self.composer.arena;
-        let traced =
-            self.step.trace_number(&library.engine, &library.sources, arena, function, &arguments, self.map)?;
-        Ok(traced.map(|number| self.with_w(number)))
+        self.step.trace_number(&library.engine, &library.sources, arena, function, &arguments, self.map)
     }
 
     fn with_w(&self, number: Expr<'a>) -> Expr<'a> {
