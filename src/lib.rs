@@ -10,7 +10,8 @@
 //!    (f64, wide f32) and generated WGSL.
 //! 6. [`compose`]: from a graph to distance estimators, with the method and form that suit it.
 //! 7. [`march`], [`shade`], [`film`]: rays to hits, hits to colours, colours to a picture.
-//! 8. [`load`] and [`render`] join the stages; [`check`] tests formulas.
+//! 8. [`load`] and [`render`] join the stages; [`check`] tests formulas and measures estimates, `chart` draws what was
+//!    measured.
 //!
 //! Testing a formula of your own takes a few lines:
 //!
@@ -26,6 +27,8 @@
 //! ```
 #![warn(missing_docs)]
 
+#[cfg(feature = "chart")]
+pub mod chart;
 pub mod check;
 pub mod compose;
 pub mod diag;

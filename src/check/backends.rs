@@ -1,6 +1,6 @@
 //! The back ends that tests run on, and what each may be off by.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::expr::Arena;
 use crate::graph::Method;
@@ -90,13 +90,26 @@ pub struct Backends {
 impl Backends {
     /// Both CPU precisions and the GPU, where an adapter exists.
     pub fn new() -> Backends {
-        let backends = Backends::cpu_only();
         #[cfg(feature = "gpu")]
-        let backends = match Gpu::new(AdapterWanted::Any) {
-            Ok(gpu) => Backends { gpu: Some(gpu), no_gpu: None, ..backends },
-            Err(error) => Backends { no_gpu: Some(error.to_string()), ..backends },
-        };
-        backends
+        return Backends::cpu_only().with_gpu(AdapterWanted::Any);
+        #[cfg(not(feature = "gpu"))]
+        Backends::cpu_only()
+    }
+
+    /// Both CPU precisions and the GPU, where there is a hardware one.
+    pub fn with_hardware() -> Backends {
+        #[cfg(feature = "gpu")]
+        return Backends::cpu_only().with_gpu(AdapterWanted::Hardware);
+        #[cfg(not(feature = "gpu"))]
+        Backends::cpu_only()
+    }
+
+    #[cfg(feature = "gpu")]
+    fn with_gpu(self, wanted: AdapterWanted) -> Backends {
+        match Gpu::new(wanted) {
+            Ok(gpu) => Backends { gpu: Some(gpu), no_gpu: None, ..self },
+            Err(error) => Backends { no_gpu: Some(error.to_string()), ..self },
+        }
     }
 
     /// Both CPU precisions.
@@ -134,6 +147,25 @@ impl Backends {
             Target::CpuF64 => run_on(&self.double, arena, kernel, columns),
             Target::CpuF32 => run_on(&self.single, arena, kernel, columns),
             Target::Gpu => self.run_gpu(arena, kernel, columns),
+        }
+    }
+
+    /// Runs a kernel as [`Backends::run`] does, several times; gives the columns and the time of the fastest run, without
+    /// preparing and copying.
+    pub fn run_timed(
+        &self,
+        target: Target,
+        arena: &Arena,
+        kernel: &Kernel,
+        columns: &[Vec<f64>],
+    ) -> Result<(Vec<Vec<f64>>, Duration), BackendError> {
+        match target {
+            Target::CpuF64 => time_on(&self.double, arena, kernel, columns),
+            Target::CpuF32 => time_on(&self.single, arena, kernel, columns),
+            #[cfg(feature = "gpu")]
+            Target::Gpu => time_on(self.gpu.as_ref().ok_or_else(|| self.absent())?, arena, kernel, columns),
+            #[cfg(not(feature = "gpu"))]
+            Target::Gpu => Err(self.absent()),
         }
     }
 
@@ -197,6 +229,34 @@ fn run_on<B: Backend>(
     let prepared = backend.prepare(arena, kernel)?;
     let columns = backend.upload(columns)?;
     backend.download(&backend.run(&prepared, &[&columns])?)
+}
+
+/// Runs that a time is taken of, at most.
+const TIMED_RUNS: usize = 4;
+/// Time after which no further run is made.
+const TIMED_ENOUGH: Duration = Duration::from_millis(60);
+
+fn time_on<B: Backend>(
+    backend: &B,
+    arena: &Arena,
+    kernel: &Kernel,
+    columns: &[Vec<f64>],
+) -> Result<(Vec<Vec<f64>>, Duration), BackendError> {
+    let prepared = backend.prepare(arena, kernel)?;
+    let columns = backend.upload(columns)?;
+    let begin = Instant::now();
+    let mut fastest = Duration::MAX;
+    let mut out = Vec::new();
+    for _ in 0..TIMED_RUNS {
+        let start = Instant::now();
+        // A GPU has done its work only when its columns have come back.
+        out = backend.download(&backend.run(&prepared, &[&columns])?)?;
+        fastest = fastest.min(start.elapsed());
+        if begin.elapsed() > TIMED_ENOUGH {
+            break;
+        }
+    }
+    Ok((out, fastest))
 }
 
 fn depths_on<B: Backend>(

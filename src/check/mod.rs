@@ -20,6 +20,7 @@ mod cases;
 pub mod exact;
 mod formula;
 pub mod health;
+pub mod measure;
 mod random;
 mod report;
 mod runner;

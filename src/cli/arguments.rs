@@ -163,7 +163,8 @@ fn parse_fudge(text: &str) -> Result<f64, String> {
     if fudge > 0.0 && fudge <= 1.0 { Ok(fudge) } else { Err("it must be above 0 and at most 1".into()) }
 }
 
-fn parse_set(text: &str) -> Result<(String, String), String> {
+/// Reads `PATH=VALUE`.
+pub fn parse_set(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((path, value)) if !path.trim().is_empty() && !value.trim().is_empty() => {
             Ok((path.trim().to_string(), value.trim().to_string()))

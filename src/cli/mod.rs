@@ -6,6 +6,8 @@
 
 mod arguments;
 mod backend;
+#[cfg(feature = "chart")]
+mod chart;
 mod check;
 mod compile;
 mod docs;
@@ -64,6 +66,9 @@ enum Command {
     Truth(truth::Arguments),
     /// Print what the formula says at points or along rays, as text or JSON lines.
     Probe(probe::Arguments),
+    /// Draw what every distance estimate costs and how right it is.
+    #[cfg(feature = "chart")]
+    Chart(chart::Arguments),
     /// List steps, fractals and scripts.
     List(list::Arguments),
     /// Explain a step or a fractal.
@@ -140,6 +145,8 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::Check(arguments) => check::run(arguments, &mut Session::new(folders)?, out),
         Command::Truth(arguments) => truth::run(arguments, &mut Session::new(folders)?, out),
         Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
+        #[cfg(feature = "chart")]
+        Command::Chart(arguments) => chart::run(arguments, &mut Session::new(folders)?),
         Command::List(arguments) => list::run(arguments, &mut Session::new(folders)?, out),
         Command::Explain(arguments) => explain::run(arguments, &mut Session::new(folders)?, out),
         Command::New(arguments) => new::run(arguments),

@@ -101,7 +101,11 @@ pub fn march_rays<B: Backend>(
 ) -> Result<Vec<End>, BackendError> {
     let prepared = backend.prepare(arena, march)?;
     let columns = backend.upload(&ray_columns(rays, bounding_radius))?;
-    let out = backend.download(&backend.run(&prepared, &[&columns])?)?;
+    Ok(ends(&backend.download(&backend.run(&prepared, &[&columns])?)?, rays.len()))
+}
+
+/// The ends of the first `count` rays from the columns of a march.
+pub fn ends(out: &[Vec<f64>], count: usize) -> Vec<End> {
     let ports = march_output_ports();
     let column = |name: &str| &out[ports.iter().position(|p| p.name == name).expect("a port of the march")];
     let (t, status, steps) = (column("t"), column("status"), column("steps"));
@@ -113,7 +117,7 @@ pub fn march_rays<B: Backend>(
         iterations: iterations[i] as u64,
         nan: nan[i] > 0.0,
     };
-    Ok((0..rays.len()).map(end).collect())
+    (0..count).map(end).collect()
 }
 
 impl Truths {
