@@ -145,8 +145,8 @@ fn no_estimate_exceeds_the_exact_distance() {
             for _ in 0..60 {
                 let p = random.in_ball(3.0);
                 let (estimate, exact) = (formula.estimate(p, method), limit.distance(p));
-                // Differences of numbers of 16 digits over a hundredth of the estimate.
-                let slack = if method == Method::Delta { 1e-3 } else { 1e-9 };
+                // One-sided differences over h, a hundredth of the distance, are off by that share at most: r is bent.
+                let slack = if method.is_difference() { 1e-2 } else { 1e-9 };
                 assert!(estimate <= exact * (1.0 + slack) + 1e-9, "{name} {method:?} at {p:?}: {estimate} > {exact}");
             }
         }

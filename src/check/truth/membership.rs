@@ -81,10 +81,10 @@ impl Members {
 
     /// For each point of the world whether its orbit stays in. `eps` are hit thresholds, which say how thick shells are.
     pub fn inside(&self, points: &[[f64; 3]], eps: &[f64]) -> Vec<bool> {
-        let mut columns: Vec<Vec<f64>> = (0..3).map(|i| points.iter().map(|p| p[i]).collect()).collect();
-        // Membership does not depend on the ray's direction.
-        columns.extend([1.0, 0.0, 0.0].map(|x| vec![x; points.len()]));
-        columns.extend([eps.to_vec(), eps.to_vec()]);
+        // Membership asks neither for the ray's direction nor for a step of finite differences.
+        let mut columns = Estimator::columns(points, &[[1.0, 0.0, 0.0]], &[1e-6], 0.0);
+        columns.pop();
+        columns.push(eps.to_vec());
         let columns = self.cpu.upload(&columns).expect("the CPU holds every column");
         let result = self.cpu.run(&self.kernel, &[&columns]).expect("the CPU runs every kernel");
         let result = self.cpu.download(&result).expect("the CPU holds every column");
