@@ -2,12 +2,13 @@
 
 use std::time::{Duration, Instant};
 
+use crate::compose::choose::{UNIT_F32, UNIT_F64};
 use crate::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::film::{Image, tiles};
 use crate::graph::{Camera, EstimateSettings, Look};
 use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
-use crate::march::{MIN_DIFFERENCE_F32, MarchSettings, compose_march};
+use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, compose_march, is_undecided};
 use crate::shade::{self, CameraFrame, Size};
 
 /// What a picture needs besides its fractal.
@@ -81,7 +82,8 @@ impl Pipeline {
 
 /// Composes the kernels of a fractal's picture.
 pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Result<Pipeline, Diagnostic> {
-    let plan = choose(composer, &settings.estimate)?;
+    let mut plan = choose(composer, &settings.estimate)?;
+    plan.choices.iter_mut().for_each(|choice| choice.unit = unit_of(settings.min_difference));
     let camera = composer.graph.camera.unwrap_or_else(|| shade::frame_automatically(plan.bounding_radius));
     let look: &Look = &composer.graph.look;
     let arena = composer.arena;
@@ -93,6 +95,7 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
         hit_eps: 0.0,
         max_march_steps: settings.max_march_steps,
         min_difference: settings.min_difference,
+        certified: plan.is_certified(),
         difference_step: plan.difference_step,
     };
     let choices: &[Choice] = &plan.choices;
@@ -115,6 +118,11 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
     })
 }
 
+/// The relative error of one operation in the precision that a least step of finite differences belongs to.
+fn unit_of(min_difference: f64) -> f64 {
+    if min_difference <= MIN_DIFFERENCE_F64 { UNIT_F64 } else { UNIT_F32 }
+}
+
 /// What a render counted. Rays are the primary ones.
 #[derive(Clone, PartialEq, Debug, Default)]
 pub struct Stats {
@@ -126,6 +134,9 @@ pub struct Stats {
     pub unfinished: u64,
     /// Rays with an estimate that was not a number.
     pub nan: u64,
+    /// With a certified method, rays that crossed something unproven: neither proven empty nor a hit within a few
+    /// thresholds. `None` with estimates, which prove nothing.
+    pub undecided: Option<u64>,
     /// Estimates of primary rays.
     pub estimates: u64,
     /// Most march steps of a ray.
@@ -179,6 +190,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
             encode: prepare(&pipeline.encode)?,
             stats: Stats::default(),
         };
+        renderer.stats.undecided = pipeline.plan.is_certified().then_some(0);
         renderer.stats.compile = start.elapsed();
         Ok(renderer)
     }
@@ -267,6 +279,11 @@ impl<'b, B: Backend> Renderer<'b, B> {
         stats.hits += with(Status::Hit);
         stats.unfinished += with(Status::Unfinished);
         stats.nan += hits[column("nan")].iter().filter(|&&n| n > 0.0).count() as u64;
+        if let Some(undecided) = &mut stats.undecided {
+            let [last, steps, status] = ["last_de", "steps", "status"].map(|name| &hits[column(name)]);
+            let open = |i: &usize| is_undecided(last[*i], steps[*i], Status::from_code(status[*i]));
+            *undecided += (0..last.len()).filter(open).count() as u64;
+        }
         stats.estimates += sum("steps");
         stats.iterations += sum("iterations");
         let most = hits[column("steps")].iter().copied().fold(0.0, f64::max);

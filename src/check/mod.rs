@@ -15,6 +15,7 @@
 //! assert!(bulb.estimate([0.0, -4.0 + 0.9 * depth, 0.0], Method::Gradient) > 0.0);
 //! ```
 
+pub mod audit;
 pub mod backends;
 mod cases;
 pub mod exact;

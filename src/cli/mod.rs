@@ -5,6 +5,7 @@
 //! usage or input. A reader of stdout that goes away ends a command quietly.
 
 mod arguments;
+mod audit;
 mod backend;
 #[cfg(feature = "chart")]
 mod chart;
@@ -75,6 +76,8 @@ enum Command {
     Explain(explain::Arguments),
     /// Write a commented formula file to start from.
     New(new::Arguments),
+    /// March sampled rays of a view again with proofs, and say where its estimate was wrong.
+    Audit(audit::Arguments),
     /// Check this machine's back ends against each other.
     Doctor(doctor::Arguments),
     /// Write the reference of steps and operators.
@@ -150,6 +153,7 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::List(arguments) => list::run(arguments, &mut Session::new(folders)?, out),
         Command::Explain(arguments) => explain::run(arguments, &mut Session::new(folders)?, out),
         Command::New(arguments) => new::run(arguments),
+        Command::Audit(arguments) => audit::run(arguments, &mut Session::new(folders)?, out),
         Command::Doctor(arguments) => doctor::run(arguments, &mut Session::new(folders)?, out),
         Command::Docs(arguments) => docs::run(arguments, &mut Session::new(folders)?, out),
     }

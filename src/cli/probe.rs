@@ -124,6 +124,7 @@ impl Probe<'_> {
             }),
             hit_eps: self.arguments.hit_eps.unwrap_or(0.0),
             min_difference: self.precision.min_difference(),
+            certified: plan.is_certified(),
             difference_step: plan.difference_step,
             ..MarchSettings::default()
         };
@@ -156,6 +157,9 @@ impl Probe<'_> {
                 let steps: Vec<f64> = answers[0].iter().map(|de| plan.difference_step.length(*de, smallest)).collect();
                 answers = self.estimate(&plan.choices, Some(method), points, &steps)?;
             }
+            if method.is_certified() {
+                answers = self.prove(&plan, method, points)?;
+            }
             estimates.push((method.name(), answers[0].clone()));
             // The orbit itself is the same with every method.
             orbits.get_or_insert(answers);
@@ -178,6 +182,27 @@ impl Probe<'_> {
             self.write_line(&line, out)?;
         }
         Ok(())
+    }
+
+    /// The largest proofs found: from far too much down to what holds, then up again in small steps.
+    fn prove(&self, plan: &Plan, method: Method, points: &[[f64; 3]]) -> Result<Vec<Vec<f64>>, Failure> {
+        const ROUNDS: usize = 6;
+        let mut steps = vec![plan.bounding_radius; points.len()];
+        let mut best: Option<Vec<Vec<f64>>> = None;
+        for _ in 0..ROUNDS {
+            let answers = self.estimate(&plan.choices, Some(method), points, &steps)?;
+            for (step, proven) in steps.iter_mut().zip(&answers[0]) {
+                *step = if *proven > 0.0 { (proven * 1.5).min(*step) } else { *step * 0.25 };
+            }
+            best = Some(match best {
+                None => answers,
+                Some(mut known) => {
+                    known[0].iter_mut().zip(&answers[0]).for_each(|(a, b)| *a = a.max(*b));
+                    known
+                }
+            });
+        }
+        Ok(best.unwrap_or_default())
     }
 
     /// Writes an answer as JSON or as text.

@@ -58,6 +58,7 @@ impl Report<'_> {
             "hits": stats.hits,
             "unfinished": stats.unfinished,
             "nan": stats.nan,
+            "undecided": stats.undecided,
             "march_steps_mean": ratio(stats.estimates as f64, stats.rays as f64),
             "march_steps_max": stats.max_steps,
             "iterations_mean": ratio(stats.iterations as f64, stats.estimates as f64),
@@ -94,6 +95,9 @@ impl Report<'_> {
         row("hits", share(stats.hits));
         row("unfinished rays", share(stats.unfinished));
         row("NaN rays", share(stats.nan));
+        if let Some(undecided) = stats.undecided {
+            row("undecided rays", share(undecided));
+        }
         let mean = ratio(stats.estimates as f64, stats.rays as f64);
         row("march steps", format!("{mean:.1} on average, {} at most", stats.max_steps));
         row("iterations", format!("{:.2} an estimate", ratio(stats.iterations as f64, stats.estimates as f64)));

@@ -27,6 +27,10 @@ pub struct Choice {
     pub fudge: f64,
     /// Whether the orbit can be differentiated; normals need finite differences where it cannot.
     pub differentiable: bool,
+    /// Radius of a ball around the orbit's own origin that holds the set, as measured.
+    pub extent: f64,
+    /// Relative error of one operation: proofs leave room for it.
+    pub unit: f64,
     /// Methods that apply.
     pub applicable: Vec<Method>,
     /// Why this method and form.
@@ -45,6 +49,8 @@ impl Default for Choice {
             difference: None,
             fudge: 1.0,
             differentiable: false,
+            extent: 0.0,
+            unit: UNIT_F32,
             applicable: Vec::new(),
             reason: String::new(),
         }
@@ -66,7 +72,17 @@ pub struct Plan {
     pub warnings: Vec<String>,
 }
 
+/// [`Choice::unit`] of single precision.
+pub const UNIT_F32: f64 = 1.0 / (1u64 << 24) as f64;
+/// [`Choice::unit`] of double precision.
+pub const UNIT_F64: f64 = 1.0 / (1u64 << 53) as f64;
+
 impl Plan {
+    /// True where every orbit is certified: the march then proposes how far a proof is to reach.
+    pub fn is_certified(&self) -> bool {
+        !self.choices.is_empty() && self.choices.iter().all(|c| c.method.is_certified())
+    }
+
     /// Methods that apply to every orbit; `own` where there is none.
     pub fn applicable(&self) -> Vec<Method> {
         let applies = |m: &Method| match self.choices.is_empty() {
@@ -86,9 +102,14 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
         let settings = wanted.or(orbit.settings.estimate);
         choices.push(choose_orbit(composer, orbit, &settings, &mut warnings)?);
     }
+    // Proofs need a march of their own, so one certified orbit makes all of them so.
+    if let Some(method) = choices.iter().map(|c: &Choice| c.method).find(|m| m.is_certified()) {
+        choices.iter_mut().filter(|c| !c.method.is_certified()).for_each(|c| c.method = method);
+    }
     let mut radii = Vec::new();
     for (orbit, choice) in orbits.iter().zip(&mut choices) {
         let extent = measure_extent(composer, orbit)?;
+        choice.extent = extent;
         let fixed = wanted.or(orbit.settings.estimate).radius;
         if matches!(choice.form, DeForm::Linear | DeForm::Box) {
             // Beyond half the escape radius the form would say 0 right where orbits escape.
@@ -157,6 +178,11 @@ fn choose_orbit(
             warnings.push(format!("the form `{form}` does not apply: `{method}` is logarithmic by itself"));
             DeForm::Logarithmic
         }
+        Some(form) if method.is_certified() && form.is_shape() => {
+            let (form, method) = (form.name(), method.name());
+            warnings.push(format!("the form `{form}` does not apply: `{method}` goes by what escapes alone"));
+            growth.form()
+        }
         Some(form) => form,
         None if method.is_potential() => DeForm::Logarithmic,
         None => {
@@ -174,6 +200,8 @@ fn choose_orbit(
         difference: settings.difference,
         fudge: settings.fudge.unwrap_or(default_fudge),
         differentiable: facts.blocking.is_none(),
+        extent: 0.0,
+        unit: UNIT_F32,
         applicable,
         reason,
     })

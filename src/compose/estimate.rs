@@ -85,7 +85,8 @@ impl<'a> OrbitBuilder<'a> {
         let one = self.composer.arena.f(1.0);
         let of_gradient = || self.gradient(end, h).map_or(one, scaled_length);
         match self.choice.method {
-            Method::Scalar | Method::Own => end.dr.unwrap_or(one),
+            // Certified orbits end in a function of their own.
+            Method::Scalar | Method::Own | Method::Certified | Method::CertifiedBall => end.dr.unwrap_or(one),
             Method::Gradient | Method::Potential | Method::Sinh => of_gradient(),
             Method::Combined => end.dr.map_or_else(of_gradient, |dr| dr.max(of_gradient())),
             Method::Jacobian => largest_singular_value(&end.rows),

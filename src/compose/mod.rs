@@ -5,6 +5,7 @@
 //! The composer, never a step, adds `c` and owns the running derivative's "+1"; it differentiates whole iterations, so
 //! equal subexpressions of value and derivative are computed once.
 
+mod certified;
 pub mod choose;
 mod estimate;
 mod field;

@@ -60,7 +60,8 @@ impl Carried {
             Method::Directional => Carried { along: true, ..nothing },
             Method::Delta => Carried { shifted: Shifted::Axes, ..nothing },
             Method::DeltaRay => Carried { shifted: Shifted::Ray, ..nothing },
-            Method::Own => nothing,
+            // Certified orbits have a builder of their own.
+            Method::Own | Method::Certified | Method::CertifiedBall => nothing,
         }
     }
 }
@@ -138,6 +139,9 @@ pub(super) fn compose_orbit(
     choice: &Choice,
     purpose: Purpose,
 ) -> ComposeResult<Orbit> {
+    if choice.method.is_certified() && purpose != Purpose::Surface {
+        return super::certified::compose_certified(composer, name, root, settings, frame, choice, purpose);
+    }
     let width = composer.graph.state_width(root);
     let builder =
         OrbitBuilder { composer, settings, frame, width, carried: Carried::of(choice, purpose), choice, purpose };
@@ -361,7 +365,7 @@ fn apply<'a>(
     }
 }
 
-fn condition<'g>(when: Condition, z: Expr<'g>) -> Expr<'g> {
+pub(super) fn condition<'g>(when: Condition, z: Expr<'g>) -> Expr<'g> {
     let arena = z.arena;
     match when {
         Condition::RadiusBelow(limit) => z.dot(z).lt(arena.f(limit * limit)),
@@ -384,10 +388,7 @@ fn apply_step<'a>(
     let NodeKind::Step { step, params } = &place.kind else {
         return Ok(input); // the schedule makes `MapTree::Step` of step nodes only
     };
-    let mut map = Map::new();
-    for (param, value) in step.params.iter().zip(params) {
-        map.insert(param.name.as_str().into(), param_value(composer, &param.kind, value, n));
-    }
+    let map = param_map(composer, step, params, n);
     let narrow = step.state == crate::formula::step::StateWidth::Three && input.z.ty().width == 4;
     let before = input.dr;
     let inputs = StepInputs { z: input.z, c, dr: input.dr };
@@ -400,6 +401,15 @@ fn apply_step<'a>(
         moved.dr = moved.dr.zip(before).map(|(after, before)| after.max(before));
     }
     Ok(moved)
+}
+
+/// A step's parameters as its script sees them.
+pub(super) fn param_map<'a>(composer: &Composer<'a>, step: &Step, params: &[ParamInput], n: Expr<'a>) -> Map {
+    let mut map = Map::new();
+    for (param, value) in step.params.iter().zip(params) {
+        map.insert(param.name.as_str().into(), param_value(composer, &param.kind, value, n));
+    }
+    map
 }
 
 fn param_value<'a>(composer: &Composer<'a>, kind: &ParamKind, value: &ParamInput, n: Expr<'a>) -> rhai::Dynamic {

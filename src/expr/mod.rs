@@ -16,6 +16,7 @@
 
 mod arena;
 pub mod differentiate;
+pub mod enclose;
 mod function;
 pub mod ops;
 pub mod print;
@@ -23,4 +24,5 @@ mod simplify;
 
 pub use arena::{Arena, Expr, Node, NodeId, Op, Type};
 pub use differentiate::Differentiator;
+pub use enclose::{Bounds, Encloser};
 pub use function::{Function, Port};

@@ -6,6 +6,7 @@
 //! same rows.
 
 use super::Expr;
+use super::enclose::{Bounds, UNBOUNDED, crosses_cut};
 use crate::math::Real;
 
 /// What a row of the table says, apart from its evaluation.
@@ -99,6 +100,7 @@ macro_rules! operators {
         wgsl $wgsl:literal help $help:literal
         evaluate($token:ident) $body:block
         derivative($x:ident, $y:ident, $d:ident) $rule:block
+        enclose($b:ident) $bounds:block
     )*) => {
         /// A componentwise operator of the table.
         #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, PartialOrd, Ord)]
@@ -129,6 +131,11 @@ macro_rules! operators {
             /// The value for one lane in f64; used to fold constants.
             pub fn evaluate_f64(self, a: f64, b: f64, c: f64) -> f64 {
                 match self { $( Operator::$variant => <$variant as Evaluate>::evaluate::<f64>((), a, b, c) ),* }
+            }
+
+            /// Bounds of one component of the result from those of the arguments.
+            pub fn enclose<'g>(self, bounds: &[Bounds<'g>]) -> Bounds<'g> {
+                match self { $( Operator::$variant => { let $b = bounds; $bounds } ),* }
             }
 
             /// The derivative of the result `y` from the arguments `x` and their derivatives `d`.
@@ -162,15 +169,19 @@ operators! {
     Neg "neg" (a) bools(0, false) continuous(true)
         wgsl "-{0}" help "The negative."
         evaluate(_t) { -a } derivative(x, y, d) { -d[0] }
+        enclose(b) { b[0].falling(|x| -x) }
     Abs "abs" (a) bools(0, false) continuous(true)
         wgsl "abs({0})" help "The absolute value."
         evaluate(_t) { a.abs() } derivative(x, y, d) { x[0].lt(x[0].lift(0.0)).select(-d[0], d[0]) }
+        enclose(b) { Bounds { lo: b[0].lo.max(-b[0].hi).max(b[0].lo.lift(0.0)), hi: b[0].magnitude() } }
     Sqrt "sqrt" (a) bools(0, false) continuous(true)
         wgsl "sqrt({0})" help "The square root; NaN below 0."
         evaluate(_t) { a.sqrt() } derivative(x, y, d) { d[0] * 0.5 / y.max(y.lift(TINY)) }
+        enclose(b) { b[0].rising(|x| x.max(x.lift(0.0)).sqrt()) }
     Floor "floor" (a) bools(0, false) continuous(false)
         wgsl "floor({0})" help "The largest whole number not above the argument."
         evaluate(_t) { a.floor() } derivative(x, y, d) { y.lift(0.0) }
+        enclose(b) { b[0].rising(Expr::floor) }
     Sign "sign" (a) bools(0, false) continuous(false)
         wgsl "sign({0})" help "-1, 0 or 1."
         evaluate(t) {
@@ -178,81 +189,119 @@ operators! {
             R::select(a.lt(zero), -one, R::select(zero.lt(a), one, zero))
         }
         derivative(x, y, d) { y.lift(0.0) }
+        enclose(b) { b[0].rising(Expr::sign) }
     Sin "sin" (a) bools(0, false) continuous(true)
         wgsl "sin({0})" help "The sine of an angle in radians."
         evaluate(_t) { a.sin_cos().0 } derivative(x, y, d) { x[0].cos() * d[0] }
+        enclose(b) { b[0].wave(Expr::sin) }
     Cos "cos" (a) bools(0, false) continuous(true)
         wgsl "cos({0})" help "The cosine of an angle in radians."
         evaluate(_t) { a.sin_cos().1 } derivative(x, y, d) { -(x[0].sin() * d[0]) }
+        enclose(b) { b[0].wave(Expr::cos) }
     Asin "asin" (a) bools(0, false) continuous(true)
         wgsl "bf_asin_{t}({0})" help "The inverse sine in radians; the argument is clamped to [-1, 1]."
         evaluate(t) { let one = R::splat(t, 1.0); a.max(-one).min(one).asin() }
         derivative(x, y, d) { inside_unit(x[0], d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt()) }
+        enclose(b) { b[0].rising(Expr::asin) }
     Acos "acos" (a) bools(0, false) continuous(true)
         wgsl "bf_acos_{t}({0})" help "The inverse cosine in radians; the argument is clamped to [-1, 1]."
         evaluate(t) { let one = R::splat(t, 1.0); a.max(-one).min(one).acos() }
         derivative(x, y, d) { inside_unit(x[0], -(d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt())) }
+        enclose(b) { b[0].falling(Expr::acos) }
     Exp "exp" (a) bools(0, false) continuous(true)
         wgsl "exp({0})" help "e to the power of the argument."
         evaluate(_t) { a.exp() } derivative(x, y, d) { y * d[0] }
+        enclose(b) { b[0].rising(Expr::exp) }
     Ln "ln" (a) bools(0, false) continuous(true)
         wgsl "log({0})" help "The natural logarithm; NaN below 0."
         evaluate(_t) { a.ln() } derivative(x, y, d) { d[0] / x[0] }
+        enclose(b) { b[0].rising(|x| x.lift(TINY).lt(x).select(x.max(x.lift(TINY)).ln(), x.lift(-UNBOUNDED))) }
     Not "not" (a) bools(1, true) continuous(true)
         wgsl "!{0}" help "True where the argument is false."
         evaluate(t) { R::splat(t, 1.0) - a } derivative(x, y, d) { y }
+        enclose(b) { b[0].falling(|x| !x) }
     Add "add" (a, b) bools(0, false) continuous(true)
         wgsl "{0} + {1}" help "The sum."
         evaluate(_t) { a + b } derivative(x, y, d) { d[0] + d[1] }
+        enclose(b) { Bounds { lo: b[0].lo + b[1].lo, hi: b[0].hi + b[1].hi } }
     Sub "sub" (a, b) bools(0, false) continuous(true)
         wgsl "{0} - {1}" help "The difference."
         evaluate(_t) { a - b } derivative(x, y, d) { d[0] - d[1] }
+        enclose(b) { Bounds { lo: b[0].lo - b[1].hi, hi: b[0].hi - b[1].lo } }
     Mul "mul" (a, b) bools(0, false) continuous(true)
         wgsl "{0} * {1}" help "The product."
         evaluate(_t) { a * b }
         derivative(x, y, d) {
             if x[0].id == x[1].id { (x[0] + x[0]) * d[0] } else { d[0] * x[1] + x[0] * d[1] }
         }
+        enclose(b) { b[0].times(b[1]) }
     Div "div" (a, b) bools(0, false) continuous(true)
         wgsl "{0} / {1}" help "The quotient."
         evaluate(_t) { a / b } derivative(x, y, d) { (d[0] - y * d[1]) / x[1] }
+        enclose(b) { b[0].times(b[1].reciprocal()) }
     Min "min" (a, b) bools(0, false) continuous(true)
         wgsl "min({0}, {1})" help "The smaller one."
         evaluate(_t) { a.min(b) } derivative(x, y, d) { x[1].lt(x[0]).select(d[1], d[0]) }
+        enclose(b) { Bounds { lo: b[0].lo.min(b[1].lo), hi: b[0].hi.min(b[1].hi) } }
     Max "max" (a, b) bools(0, false) continuous(true)
         wgsl "max({0}, {1})" help "The larger one."
         evaluate(_t) { a.max(b) } derivative(x, y, d) { x[1].lt(x[0]).select(d[0], d[1]) } // at a tie, what `min` does not take
+        enclose(b) { Bounds { lo: b[0].lo.max(b[1].lo), hi: b[0].hi.max(b[1].hi) } }
     Pow "pow" (a, b) bools(0, false) continuous(true)
         wgsl "bf_pow_{t}({0}, {1})" help "The first argument to the power of the second; NaN for a negative base."
         evaluate(_t) { a.pow(b) }
         derivative(x, y, d) { x[1] * x[0].pow(x[1] - 1.0) * d[0] + y * x[0].max(x[0].lift(TINY)).ln() * d[1] }
+        enclose(b) { b[0].rising(|x| x.max(x.lift(TINY))).corners(b[1], Expr::pow) }
     Atan2 "atan2" (a, b) bools(0, false) continuous(false)
         wgsl "bf_atan2_{t}({0}, {1})" help "The angle in (-pi, pi] of the point whose y is the first argument and whose x is the second."
         evaluate(_t) { a.atan2(b) }
         derivative(x, y, d) { (x[1] * d[0] - x[0] * d[1]) / (x[0] * x[0] + x[1] * x[1]).max(x[0].lift(TINY)) }
+        enclose(b) {
+            let (angles, pi) = (b[0].corners(b[1], Expr::atan2), std::f64::consts::PI);
+            let cut = crosses_cut(b[0], b[1]);
+            Bounds { lo: cut.select(cut.arena.f(-pi), angles.lo), hi: cut.select(cut.arena.f(pi), angles.hi) }
+        }
     Mod "mod" (a, b) bools(0, false) continuous(false)
         wgsl "bf_mod_{t}({0}, {1})" help "The remainder with the sign of the second argument."
         evaluate(_t) { a - b * (a / b).floor() } derivative(x, y, d) { d[0] - (x[0] / x[1]).floor() * d[1] }
+        enclose(b) {
+            let turns = b[0].times(b[1].reciprocal()).rising(Expr::floor);
+            let whole = b[1].times(turns);
+            Bounds { lo: b[0].lo - whole.hi, hi: b[0].hi - whole.lo }
+        }
     Lt "lt" (a, b) bools(0, true) continuous(false)
         wgsl "{0} < {1}" help "True where the first argument is the smaller one."
         evaluate(t) { R::from_mask(t, a.lt(b)) } derivative(x, y, d) { y }
+        enclose(b) { Bounds { lo: b[0].hi.lt(b[1].lo), hi: b[0].lo.lt(b[1].hi) } }
     Le "le" (a, b) bools(0, true) continuous(false)
         wgsl "{0} <= {1}" help "True where the first argument is not the larger one."
         evaluate(t) { R::from_mask(t, a.le(b)) } derivative(x, y, d) { y }
+        enclose(b) { Bounds { lo: b[0].hi.le(b[1].lo), hi: b[0].lo.le(b[1].hi) } }
     Eq "eq" (a, b) bools(0, true) continuous(false)
         wgsl "{0} == {1}" help "True where both are equal."
         evaluate(t) { R::from_mask(t, a.eq(b)) } derivative(x, y, d) { y }
+        enclose(b) { Bounds { lo: b[0].lo.arena.bool(false), hi: b[0].lo.le(b[1].hi).and(b[1].lo.le(b[0].hi)) } }
     And "and" (a, b) bools(3, true) continuous(true)
         wgsl "{0} & {1}" help "True where both are."
         evaluate(_t) { a * b } derivative(x, y, d) { y }
+        enclose(b) { Bounds { lo: b[0].lo.and(b[1].lo), hi: b[0].hi.and(b[1].hi) } }
     Or "or" (a, b) bools(3, true) continuous(true)
         wgsl "{0} | {1}" help "True where either is."
         evaluate(_t) { a.max(b) } derivative(x, y, d) { y }
+        enclose(b) { Bounds { lo: b[0].lo.or(b[1].lo), hi: b[0].hi.or(b[1].hi) } }
     Clamp "clamp" (a, b, c) bools(0, false) continuous(true)
         wgsl "min(max({0}, {1}), {2})" help "The first argument moved into the range from the second to the third."
         evaluate(_t) { a.max(b).min(c) }
         derivative(x, y, d) { x[0].lt(x[1]).select(d[1], x[2].lt(x[0]).select(d[2], d[0])) }
+        enclose(b) { Bounds { lo: b[0].lo.clamp(b[1].lo, b[2].lo), hi: b[0].hi.clamp(b[1].hi, b[2].hi) } }
     Select "select" (a, b, c) bools(1, false) continuous(false)
         wgsl "select({2}, {1}, {0})" help "The second argument where the first is true, else the third."
         evaluate(_t) { R::select(a.to_mask(), b, c) } derivative(x, y, d) { x[0].select(d[1], d[2]) }
+        enclose(b) {
+            let pick = |then: Expr<'g>, either: Expr<'g>, other: Expr<'g>| b[0].lo.select(then, b[0].hi.select(either, other));
+            Bounds {
+                lo: pick(b[1].lo, b[1].lo.min(b[2].lo), b[2].lo),
+                hi: pick(b[1].hi, b[1].hi.max(b[2].hi), b[2].hi),
+            }
+        }
 }

@@ -51,11 +51,15 @@ pub enum Method {
     Sinh,
     /// The node's own distance: primitives.
     Own,
+    /// A proof: the segment of the ray around the point that holds nothing of the set.
+    Certified,
+    /// A proof: the ball around the point that holds nothing of the set.
+    CertifiedBall,
 }
 
 impl Method {
     /// All methods, in the order of listings.
-    pub const ALL: [Method; 11] = [
+    pub const ALL: [Method; 13] = [
         Method::Scalar,
         Method::Gradient,
         Method::Jacobian,
@@ -67,7 +71,14 @@ impl Method {
         Method::Potential,
         Method::Sinh,
         Method::Own,
+        Method::Certified,
+        Method::CertifiedBall,
     ];
+
+    /// True for methods that prove what they say.
+    pub const fn is_certified(self) -> bool {
+        matches!(self, Method::Certified | Method::CertifiedBall)
+    }
 
     /// The name in files, flags and listings.
     pub const fn name(self) -> &'static str {
@@ -83,6 +94,8 @@ impl Method {
             Method::Potential => "potential",
             Method::Sinh => "sinh",
             Method::Own => "own",
+            Method::Certified => "certified",
+            Method::CertifiedBall => "certified-ball",
         }
     }
 
@@ -100,6 +113,8 @@ impl Method {
             Method::Potential => "half the potential over its gradient",
             Method::Sinh => "the potential with a hyperbolic sine, safe far away",
             Method::Own => "the distance that primitives have themselves",
+            Method::Certified => "a proof: the segment of the ray that holds nothing of the set",
+            Method::CertifiedBall => "a proof: the ball that holds nothing of the set",
         }
     }
 
@@ -110,7 +125,7 @@ impl Method {
 
     /// Whether it differentiates the graph.
     pub const fn is_exact(self) -> bool {
-        !matches!(self, Method::Scalar | Method::Delta | Method::DeltaRay | Method::Own)
+        !matches!(self, Method::Scalar | Method::Delta | Method::DeltaRay | Method::Own) && !self.is_certified()
     }
 
     /// Whether it is a form of its own, made of the potential.

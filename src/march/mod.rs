@@ -6,6 +6,10 @@
 //! quarter of the hit threshold; an estimate under the threshold whose point is still outside is walked on from, so only a point that is
 //! inside stops the ray; from there it bisects back to the boundary.
 
+mod certified;
+
+pub use certified::is_undecided;
+
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::DifferenceStep;
 use crate::kernel::{Estimator, March, Status, march_state_ports, ray_ports};
@@ -24,6 +28,8 @@ pub struct MarchSettings {
     /// Least step of finite differences, as a share of the larger of 1 and the point's coordinates: below it the
     /// precision has no digits left.
     pub min_difference: f64,
+    /// Whether estimates are proofs: `h` then says how far the next one is to reach.
+    pub certified: bool,
     /// Step of finite differences, where that is above the least one.
     pub difference_step: DifferenceStep,
 }
@@ -41,6 +47,7 @@ impl Default for MarchSettings {
             hit_eps: 0.0,
             max_march_steps: 1000,
             min_difference: MIN_DIFFERENCE_F32,
+            certified: false,
             difference_step: DifferenceStep::default(),
         }
     }
@@ -120,7 +127,11 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     };
     function.output("p", p);
     function.output("d", ray.direction);
-    function.output("h", wanted.max(largest * settings.min_difference));
+    let h = match settings.certified {
+        true => certified::proposal(&ray, ray.hit_eps(settings)),
+        false => wanted.max(largest * settings.min_difference),
+    };
+    function.output("h", h);
     function.output("hit_eps", ray.hit_eps(settings));
     function
 }
@@ -153,6 +164,11 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let code = |status: Status| arena.f(status.code());
     let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
     let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, forward.min(ray.t_far)));
+    if settings.certified {
+        let steps = certified::Steps { hit_eps, de: usable, t_outside, t_inside, hit, miss, crossed };
+        certified::advance(&mut function, &ray, &steps, status, t);
+        return function;
+    }
     // The front stays where a walk under the threshold began.
     let walking = usable.lt(hit_eps).and(ray.last_de.lt(hit_eps)).and(zero.le(ray.last_de));
     let settled = crossed.or(walking);

@@ -1,0 +1,195 @@
+//! What is known of a step over a ball around its argument: by its file's own rules where it states them, else by bounds
+//! of its derivative.
+
+use rhai::Map;
+
+use crate::compose::{ComposeResult, Composer};
+use crate::diag::Diagnostic;
+use crate::expr::differentiate::reachable;
+use crate::expr::enclose::{UNBOUNDED, enclose_jacobian, norm_bound, substitute};
+use crate::expr::{Differentiator, Encloser, Expr, Type};
+use crate::formula::step::{ScalarRule, StateWidth, Step, StepInputs};
+use crate::graph::{NodeKind, NodeRef};
+
+/// What a step does to a ball, or to a segment in it. Lengths are in the step's own frame.
+pub(super) struct StepRule<'g> {
+    /// The image of the centre.
+    pub(super) image: Expr<'g>,
+    /// Most that a distance from the centre grows by, for points of the ball.
+    pub(super) growth: Expr<'g>,
+    /// Most that a distance of any two points of the ball grows by; at least [`UNBOUNDED`] where the step may jump.
+    pub(super) stretch: Expr<'g>,
+    /// The same for distances of the constant, where the step reads it.
+    pub(super) by_constant: Option<Expr<'g>>,
+    /// The derivatives along the given vector, at all points of the ball, lie in a ball with this centre and radius.
+    pub(super) tangent: Option<(Expr<'g>, Expr<'g>)>,
+    /// Operations of the image: how often it is rounded.
+    pub(super) operations: usize,
+}
+
+/// What goes into a rule.
+#[derive(Clone, Copy)]
+pub(super) struct RuleInputs<'g> {
+    /// Centre.
+    pub(super) z: Expr<'g>,
+    /// Radius of the ball.
+    pub(super) e: Expr<'g>,
+    /// Constant that the step may read, and the radius of the ball that it ranges over.
+    pub(super) c: Expr<'g>,
+    pub(super) e_c: Expr<'g>,
+    /// Direction whose derivatives are wanted.
+    pub(super) v: Option<Expr<'g>>,
+    /// Number of the iteration.
+    pub(super) n: Expr<'g>,
+}
+
+/// First of the inputs that stand for a rule's arguments while it is traced; functions have far fewer inputs.
+const PLACEHOLDERS: u16 = 60_000;
+
+/// The rule of a step node. It is traced with inputs of its own in the place of its arguments, so that identities do not
+/// reach through them: what the argument was made of is not the step's business. The arguments are then put in.
+pub(super) fn step_rule<'a>(
+    composer: &Composer<'a>,
+    node: NodeRef,
+    inputs: RuleInputs<'a>,
+) -> ComposeResult<Option<StepRule<'a>>> {
+    let place = composer.graph.node(node);
+    let NodeKind::Step { step, params } = &place.kind else { return Ok(None) };
+    let arena = composer.arena;
+    let input = |i: u16, ty: Type| arena.input(PLACEHOLDERS + i, ty);
+    let (wide, number) = (inputs.z.ty(), Type::F);
+    // A constant that is known is used as it is.
+    let c = if inputs.c.as_constant().is_some() { inputs.c } else { input(1, wide) };
+    let symbols = RuleInputs {
+        z: input(0, wide),
+        e: input(2, number),
+        c,
+        e_c: input(3, number),
+        v: inputs.v.map(|_| input(4, wide)),
+        n: inputs.n,
+    };
+    let map = super::super::orbit::param_map(composer, step, params, inputs.n);
+    let rule = Tracer { composer, step, map: &map, inputs: symbols }
+        .rule()
+        .map_err(|error| error.label(place.span, format!("used by the node `{}`", place.name)))?;
+    let mut places = vec![(symbols.z, inputs.z), (symbols.e, inputs.e), (symbols.e_c, inputs.e_c)];
+    if inputs.c.as_constant().is_none() {
+        places.push((symbols.c, inputs.c));
+    }
+    places.extend(symbols.v.zip(inputs.v));
+    let mut roots = vec![rule.image, rule.growth, rule.stretch];
+    roots.extend(rule.by_constant);
+    roots.extend(rule.tangent.iter().flat_map(|(middle, radius)| [*middle, *radius]));
+    let mut real = substitute(arena, &roots, &places).into_iter();
+    let mut next = || real.next().expect("as many come out as went in");
+    Ok(Some(StepRule {
+        image: next(),
+        growth: next(),
+        stretch: next(),
+        by_constant: rule.by_constant.map(|_| next()),
+        tangent: rule.tangent.map(|_| (next(), next())),
+        operations: rule.operations,
+    }))
+}
+
+struct Tracer<'a, 's> {
+    composer: &'s Composer<'a>,
+    step: &'s Step,
+    map: &'s Map,
+    inputs: RuleInputs<'a>,
+}
+
+impl<'a> Tracer<'a, '_> {
+    fn rule(&self) -> Result<StepRule<'a>, Diagnostic> {
+        let arena = self.composer.arena;
+        let image = self.image()?;
+        let nodes = reachable(arena, &[image.id]);
+        let reads_c = self.inputs.c.as_constant().is_none() && nodes.contains(&self.inputs.c.id);
+        let (stretch, by_constant) = match self.stated_stretch(image, reads_c)? {
+            Some(stretch) => (stretch, None),
+            None => self.derived_stretch(image, reads_c),
+        };
+        let growth = if reads_c { None } else { self.number("growth")? };
+        let growth = growth.unwrap_or(stretch);
+        let tangent = self.inputs.v.filter(|_| self.step.differentiable && !reads_c).map(|v| {
+            let along = Differentiator::new(arena, &[(self.inputs.z, v)]).derivative(image);
+            let bounds = Encloser::new(arena, &[(self.inputs.z, self.inputs.e)]).bounds(along);
+            let middle: Vec<Expr> = bounds.iter().map(|b| b.middle()).collect();
+            let radius: Vec<Expr> = bounds.iter().map(|b| b.half_width()).collect();
+            (arena.compose(&middle), arena.compose(&radius).length())
+        });
+        Ok(StepRule { image, growth, stretch, by_constant, tangent, operations: nodes.len() })
+    }
+
+    fn image(&self) -> Result<Expr<'a>, Diagnostic> {
+        self.trace(None).map(|(image, _)| image)
+    }
+
+    fn trace(&self, dr: Option<Expr<'a>>) -> Result<(Expr<'a>, Option<Expr<'a>>), Diagnostic> {
+        let library = self.composer.library;
+        let inputs = StepInputs { z: self.inputs.z, c: self.inputs.c, dr };
+        let traced = self.step.trace(&library.engine, &library.sources, self.composer.arena, inputs, self.map)?;
+        Ok((traced.z, traced.dr))
+    }
+
+    /// A rule of the step's file, at least 1 where the step leaves w alone.
+    fn number(&self, function: &str) -> Result<Option<Expr<'a>>, Diagnostic> {
+        let library = self.composer.library;
+        let arguments = [self.inputs.z, self.inputs.e];
+        let arena = self.composer.arena;
+        let traced =
+            self.step.trace_number(&library.engine, &library.sources, arena, function, &arguments, self.map)?;
+        Ok(traced.map(|number| self.with_w(number)))
+    }
+
+    fn with_w(&self, number: Expr<'a>) -> Expr<'a> {
+        let narrow = self.step.state == StateWidth::Three && self.inputs.z.ty().width == 4;
+        if narrow { number.max(number.lift(1.0)) } else { number }
+    }
+
+    /// The stretch by `fn stretch`, or the largest value over the ball of an exact scalar rule of a step that does not
+    /// jump there.
+    fn stated_stretch(&self, image: Expr<'a>, reads_c: bool) -> Result<Option<Expr<'a>>, Diagnostic> {
+        if reads_c {
+            return Ok(None);
+        }
+        if let Some(stretch) = self.number("stretch")? {
+            return Ok(Some(stretch));
+        }
+        if self.step.scalar_rule != Some(ScalarRule::Exact) {
+            return Ok(None);
+        }
+        let arena = self.composer.arena;
+        let (_, Some(factor)) = self.trace(Some(arena.f(1.0)))? else { return Ok(None) };
+        let most = self.encloser().bounds(factor)[0].hi;
+        Ok(Some(self.unless_it_jumps(image, self.with_w(most))))
+    }
+
+    fn encloser(&self) -> Encloser<'a> {
+        let inputs = &self.inputs;
+        let mut balls = vec![(inputs.z, inputs.e)];
+        if inputs.c.as_constant().is_none() {
+            balls.push((inputs.c, inputs.e_c));
+        }
+        Encloser::new(self.composer.arena, &balls)
+    }
+
+    fn unless_it_jumps(&self, image: Expr<'a>, stretch: Expr<'a>) -> Expr<'a> {
+        let mut encloser = self.encloser();
+        encloser.bounds(image);
+        encloser.jumps().select(stretch.lift(UNBOUNDED), stretch)
+    }
+
+    /// The stretch by bounds of the Jacobian over the ball, by z and where it is read by c.
+    fn derived_stretch(&self, image: Expr<'a>, reads_c: bool) -> (Expr<'a>, Option<Expr<'a>>) {
+        let arena = self.composer.arena;
+        if !self.step.differentiable {
+            return (arena.f(UNBOUNDED), reads_c.then(|| arena.f(UNBOUNDED)));
+        }
+        let by = |x: Expr<'a>| {
+            let rows = enclose_jacobian(&mut self.encloser(), arena, image, x);
+            self.unless_it_jumps(image, norm_bound(&rows))
+        };
+        (by(self.inputs.z), reads_c.then(|| by(self.inputs.c)))
+    }
+}
