@@ -74,7 +74,7 @@ impl<'a> OrbitBuilder<'a> {
     /// The size of an end point in the sense of the form.
     fn size(&self, z: Expr<'a>) -> Expr<'a> {
         match self.choice.form {
-            DeForm::Linear | DeForm::Logarithmic => z.length(),
+            DeForm::Linear | DeForm::Logarithmic => scaled_length(z),
             DeForm::Box => z.abs().components().into_iter().reduce(|a, b| a.max(b)).unwrap_or(z),
             DeForm::Plane => z.xyz().dot(self.composer.arena.v3(self.choice.axis)).abs(),
         }
@@ -147,12 +147,13 @@ impl<'a> OrbitBuilder<'a> {
         (0..columns[0].len()).map(|i| arena.compose(&[columns[0][i], columns[1][i], columns[2][i]])).collect()
     }
 
-    /// The estimate in world units; never negative. A slope of 0 tells nothing: the estimate is 0 and the march walks. One
-    /// that is not a number stays so, to be counted.
+    /// The estimate in world units; never negative. A slope of 0 tells nothing: the estimate is 0 and the march walks. What
+    /// is not a number or infinite comes out as not a number, to be counted: `max` may drop either, comparisons do not.
     fn distance(&self, size: Expr<'a>, slope: Expr<'a>, n: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
         let zero = arena.f(0.0);
-        let tiny = arena.f(1e-30);
+        // What guards of poles leave of a slope of 0 is below this too.
+        let tiny = arena.f(1e-20);
         let known = slope.max(tiny);
         let logarithmic = || size * size.ln() * 0.5 / known;
         let d = match (self.choice.method, self.choice.form) {
@@ -162,7 +163,10 @@ impl<'a> OrbitBuilder<'a> {
             (_, DeForm::Logarithmic) => logarithmic(),
             (_, DeForm::Linear | DeForm::Box | DeForm::Plane) => (size - self.choice.radius) / known,
         };
-        tiny.lt(slope).select(d.max(zero), slope)
+        let nan = (-slope.abs() - 1.0).sqrt();
+        let finite = d.lt(arena.f(1e30)).select(d.lt(zero).select(zero, d), nan);
+        // A norm may lose NaN and be 0; the size does not.
+        tiny.lt(slope).select(finite, size.lt(arena.f(1e38)).select(slope, nan))
     }
 
     /// e^-G sinh G / G = (1 - e^-2G) / 2G, from 1 near the set to 0 far away; G = ln r / power^n.

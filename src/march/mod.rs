@@ -154,11 +154,16 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let crossed = zero.le(t_inside);
     let started_inside = crossed.and(t_outside.lt(zero));
 
-    // Marching: forward by the estimate. Bisecting: to the middle. A NaN estimate walks on.
+    // Marching: forward by the estimate. Bisecting: to the middle. A NaN estimate walks on. A step below the spacing of
+    // numbers at t, or of no length at t = 0, would stand still: then the least step that any precision has is taken.
     let usable = zero.le(de).select(de, zero);
-    let forward = ray.t + (usable * settings.fudge).max(hit_eps * WALK);
+    let wanted = ray.t + (usable * settings.fudge).max(hit_eps * WALK);
+    let least = ray.t * (1.0 + 2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01;
+    let forward = wanted.le(ray.t).select(least, wanted);
     let middle = (t_inside + t_outside) * 0.5;
-    let narrow = (t_inside - t_outside).le(hit_eps * BISECTION);
+    // No number may be left between the ends, however far they are from as near as they should be.
+    let between = t_outside.lt(middle).and(middle.lt(t_inside));
+    let narrow = (t_inside - t_outside).le(hit_eps * BISECTION).or(!between);
     let hit = crossed.and(narrow.or(started_inside));
     let miss = (!crossed).and(ray.t_far.le(forward));
     let code = |status: Status| arena.f(status.code());

@@ -17,7 +17,9 @@ pub fn compose_colour(arena: &Arena, look: &Look, frame: &CameraFrame, bounding_
         ports.extend(march_output_ports().into_iter().map(|p| Port::new(format!("shadow_{}", p.name), p.ty)));
     }
     let ray = HitInputs::new(arena, 0);
+    // An orbit that became NaN leaves traps that are none: as far as traps start.
     let trap = arena.input(surface_at + 1, Type::V4);
+    let trap = trap.le(arena.f(1e6)).select(trap, arena.constant(Type::V4, [1e6; 4]));
     let normal = facing_normal(arena.input(surface_at, Type::V3), ray.direction);
     let lit = look.shadows.then(|| {
         let position = march_output_ports().iter().position(|p| p.name == "status").expect("a march has a status");
@@ -38,10 +40,12 @@ pub fn compose_colour(arena: &Arena, look: &Look, frame: &CameraFrame, bounding_
     function
 }
 
-/// The gradient, turned towards the viewer; a gradient that is not a number or 0 becomes the view direction.
+/// The gradient, turned towards the viewer; one that is 0, not a number or infinite becomes the view direction.
 fn facing_normal<'g>(gradient: Expr<'g>, direction: Expr<'g>) -> Expr<'g> {
     let arena = gradient.arena;
-    let usable = arena.f(1e-12).lt(gradient.dot(gradient));
+    // Of length 1 where it is anything; beyond, derivatives have overflowed.
+    let size_sq = gradient.dot(gradient);
+    let usable = arena.f(1e-12).lt(size_sq).and(size_sq.lt(arena.f(4.0)));
     let normal = usable.select(gradient, -direction);
     let away = normal.dot(direction);
     let turned = normal - direction * (away.max(arena.f(0.0)) * 1.2);

@@ -191,6 +191,7 @@ fn march_kernel(subject: &Subject, plan: &Plan, candidate: &Candidate, pixel_rad
         hit_eps: 0.0,
         max_march_steps: MAX_MARCH_STEPS,
         min_difference: if candidate.target == Target::CpuF64 { MIN_DIFFERENCE_F64 } else { MIN_DIFFERENCE_F32 },
+        certified: plan.is_certified(),
         difference_step: plan.difference_step,
     };
     candidate_march(&subject.composer(), &plan.choices, &settings).map_err(|error| rendered(error, subject.library))
