@@ -117,6 +117,9 @@ pub struct EstimateArgs {
     /// Step of finite differences: a length in world units, or a percentage of the estimate [default: 1%]
     #[arg(long, value_name = "H", value_parser = parse_difference_step)]
     pub difference_step: Option<DifferenceStep>,
+    /// Shortest step of a ray as a share of the hit threshold, above 0 and at most 1 [default: 0.25]
+    #[arg(long, value_name = "S", value_parser = parse_fudge)]
+    pub least_step: Option<f64>,
 }
 
 impl EstimateArgs {
@@ -128,6 +131,7 @@ impl EstimateArgs {
             fudge: self.fudge,
             difference: self.difference,
             step: self.difference_step,
+            least_step: self.least_step,
             ..EstimateSettings::default()
         }
     }

@@ -115,18 +115,11 @@ impl Probe<'_> {
         let plan = self.plan()?;
         let estimator = compose_estimator(&self.composer(), &plan.choices, Purpose::March);
         let estimator = estimator.map_err(|diagnostic| self.session.failure(diagnostic))?;
+        let default = if self.arguments.hit_eps.is_some() { 0.0 } else { 1e-3 };
+        let pixel_radius = self.arguments.pixel_radius.unwrap_or(default);
         let settings = MarchSettings {
-            fudge: plan.fudge,
-            pixel_radius: self.arguments.pixel_radius.unwrap_or(if self.arguments.hit_eps.is_some() {
-                0.0
-            } else {
-                1e-3
-            }),
             hit_eps: self.arguments.hit_eps.unwrap_or(0.0),
-            min_difference: self.precision.min_difference(),
-            certified: plan.is_certified(),
-            difference_step: plan.difference_step,
-            ..MarchSettings::default()
+            ..MarchSettings::of_plan(&plan, pixel_radius, self.precision.min_difference())
         };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
         let columns = ray_columns(rays, plan.bounding_radius)?;

@@ -92,12 +92,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let truths = truths.map_err(|error| session.failure(error))?;
     let time = start.elapsed();
 
-    let settings = MarchSettings {
-        fudge: plan.fudge,
-        pixel_radius: scale.pixel_radius,
-        min_difference: precision.min_difference(),
-        ..MarchSettings::default()
-    };
+    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, precision.min_difference());
     let march = candidate(&composer, &plan.choices, &settings).map_err(|error| session.failure(error))?;
     let mut job = MarchJob { arena: &arena, march: &march, rays: &truths.rays, radius: scale.bounding_radius };
     let (backend, ends) = run_job(session, arguments.backend, precision, &mut job)?;

@@ -19,7 +19,7 @@ pub use overrides::Override;
 pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
-    Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, Look, Method, OrbitSettings,
+    Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, LEAST_STEP, Look, Method, OrbitSettings,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
 pub use validate::ValidGraph;

@@ -5,7 +5,7 @@
 //! ray was walked over without proof and left again, or a hit was walked up to for longer than a few thresholds. The
 //! walk itself is the same as with estimates, so pictures are closed.
 
-use super::{Inputs, WALK};
+use super::Inputs;
 use crate::expr::{Expr, Function};
 use crate::kernel::Status;
 
@@ -34,6 +34,7 @@ pub(super) fn proposal<'g>(ray: &Inputs<'g>, hit_eps: Expr<'g>) -> Expr<'g> {
 
 /// What `advance` has worked out already.
 pub(super) struct Steps<'g> {
+    pub(super) shortest: Expr<'g>,
     pub(super) hit_eps: Expr<'g>,
     pub(super) de: Expr<'g>,
     pub(super) t_outside: Expr<'g>,
@@ -49,9 +50,8 @@ pub(super) fn advance<'g>(function: &mut Function, ray: &Inputs<'g>, steps: &Ste
     let zero = arena.f(0.0);
     let is_first = ray.t_outside.lt(zero).and(ray.t_inside.lt(zero));
     let marked = ray.last_de.lt(zero).and(!is_first);
-    let shortest = steps.hit_eps * WALK;
-    let walks = steps.de.lt(shortest).and(!steps.crossed);
-    let walked = ray.last_de.abs().lt(shortest).and(!is_first);
+    let walks = steps.de.lt(steps.shortest).and(!steps.crossed);
+    let walked = ray.last_de.abs().lt(steps.shortest).and(!is_first);
     // A walk ends where a proof goes on, where the ray leaves, or at a hit that is too far from where it began.
     let left = walked.and(!walks).and(!steps.crossed);
     let left_unproven = steps.miss.and(walks);
