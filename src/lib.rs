@@ -27,6 +27,7 @@
 //! ```
 #![warn(missing_docs)]
 
+pub mod calibrate;
 #[cfg(feature = "chart")]
 pub mod chart;
 pub mod check;

@@ -87,7 +87,7 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
 
 /// Composes the kernels of a fractal's picture with the estimates of a plan; `settings.estimate` is not asked.
 pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan: Plan) -> Result<Pipeline, Diagnostic> {
-    plan.choices.iter_mut().for_each(|choice| choice.unit = unit_of(settings.min_difference));
+    plan = in_precision(plan, settings.min_difference);
     let camera = composer.graph.camera.unwrap_or_else(|| shade::frame_automatically(plan.bounding_radius));
     let look: &Look = &composer.graph.look;
     let arena = composer.arena;
@@ -117,8 +117,14 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     })
 }
 
+/// The plan as it is run in the precision that a least step of finite differences belongs to.
+pub fn in_precision(mut plan: Plan, min_difference: f64) -> Plan {
+    plan.choices.iter_mut().for_each(|choice| choice.unit = unit_of(min_difference));
+    plan
+}
+
 /// The relative error of one operation in the precision that a least step of finite differences belongs to.
-pub fn unit_of(min_difference: f64) -> f64 {
+fn unit_of(min_difference: f64) -> f64 {
     if min_difference <= MIN_DIFFERENCE_F64 { UNIT_F64 } else { UNIT_F32 }
 }
 

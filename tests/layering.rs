@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// Modules of the crate; each may import those before it. `film` (pictures) is below `render`, which joins everything.
 const ORDER: &[&str] = &[
     "math", "diag", "expr", "formula", "graph", "kernel", "compose", "march", "shade", "film", "render", "load",
-    "check", "chart", "cli",
+    "check", "calibrate", "chart", "cli",
 ];
 
 fn rust_files(folder: &Path, files: &mut Vec<PathBuf>) {

@@ -9,6 +9,8 @@ mod audit;
 mod backend;
 #[cfg(feature = "chart")]
 mod chart;
+mod calibrate;
+mod calibration;
 mod check;
 mod compile;
 mod docs;
@@ -63,6 +65,8 @@ enum Command {
     Test(test::Arguments),
     /// Look for what is wrong in a formula or step.
     Check(check::Arguments),
+    /// Measure which estimate is the cheapest that keeps an error budget, and say why.
+    Calibrate(calibrate::Arguments),
     /// March rays by brute force and compare the estimate with that.
     Truth(truth::Arguments),
     /// Print what the formula says at points or along rays, as text or JSON lines.
@@ -146,6 +150,7 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::Compile(arguments) => compile::run(arguments, &mut Session::new(folders)?, out),
         Command::Test(arguments) => test::run(arguments, &mut Session::new(folders)?, out),
         Command::Check(arguments) => check::run(arguments, &mut Session::new(folders)?, out),
+        Command::Calibrate(arguments) => calibrate::run(arguments, &mut Session::new(folders)?, out),
         Command::Truth(arguments) => truth::run(arguments, &mut Session::new(folders)?, out),
         Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
         #[cfg(feature = "chart")]

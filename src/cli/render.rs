@@ -4,17 +4,19 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use bulbfold::compose::Composer;
+use bulbfold::calibrate::Calibration;
+use bulbfold::compose::{Composer, choose};
 use bulbfold::expr::Arena;
 use bulbfold::film::Image;
 use bulbfold::graph::{Camera, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError};
-use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_pipeline};
-use bulbfold::shade::{self, Size};
+use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_planned};
+use bulbfold::shade::{self, Size, frame_automatically};
 use clap::Args;
 
-use super::arguments::{BackendArg, EstimateArgs, FormulaArgs, PrecisionArg, parse_fov, parse_size, parse_vector};
+use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PrecisionArg, parse_fov, parse_size, parse_vector};
 use super::backend::{Job, Wanted, run_job};
+use super::calibration::{Wish, choose_estimate};
 use super::progress::{Progress, short};
 use super::session::{check_output, talk};
 use super::{Failure, Outcome, Session, message, stats, usage};
@@ -45,7 +47,7 @@ pub struct Arguments {
     #[arg(long, value_enum)]
     precision: Option<PrecisionArg>,
     #[command(flatten)]
-    estimate: EstimateArgs,
+    estimate: AutoArgs,
     #[command(flatten)]
     view: ViewArgs,
     /// Print what was chosen and counted, to stderr
@@ -116,14 +118,11 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         size: arguments.size,
         samples: arguments.samples,
         min_difference: precision.min_difference(),
-        estimate: arguments.estimate.settings(),
+        estimate: arguments.estimate.estimate.settings(),
         ..RenderSettings::default()
     };
     let arena = Rc::new(Arena::default());
-    let pipeline = compose(session, &arena, &graph, &settings, &arguments.view)?;
-    for warning in &pipeline.plan.warnings {
-        session.warn(warning);
-    }
+    let (pipeline, calibration) = compose(session, &arena, graph.clone(), &settings, arguments, precision)?;
     let mut job = RenderJob { arena: &arena, pipeline: &pipeline, settings: &settings, quiet: arguments.quiet };
     let (backend, (image, stats)) = run_job(session, arguments.backend, precision, &mut job)?;
     image
@@ -134,6 +133,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         backend: &backend,
         settings: &settings,
         pipeline: &pipeline,
+        calibration: &calibration,
         stats: &stats,
     };
     if arguments.json {
@@ -158,25 +158,37 @@ fn output_path(arguments: &Arguments) -> PathBuf {
     })
 }
 
+/// Chooses the estimate for the view, and composes the picture's kernels with it.
 fn compose(
     session: &Session,
     arena: &Rc<Arena>,
-    graph: &ValidGraph,
+    graph: ValidGraph,
     settings: &RenderSettings,
-    view: &ViewArgs,
-) -> Result<Pipeline, Failure> {
-    let composer = Composer { arena, library: &session.library, graph };
-    let compose =
-        |composer: &Composer| compose_pipeline(composer, settings).map_err(|diagnostic| session.failure(diagnostic));
-    if view.is_empty() {
-        return compose(&composer);
-    }
-    let base = match graph.camera {
-        Some(camera) => camera,
-        None => compose(&composer)?.camera,
+    arguments: &Arguments,
+    precision: PrecisionArg,
+) -> Result<(Pipeline, Calibration), Failure> {
+    let failed = |diagnostic| session.failure(diagnostic);
+    let graph = match (arguments.view.is_empty(), graph.camera) {
+        (true, _) => graph,
+        (false, Some(camera)) => graph.with_camera(arguments.view.apply(camera)?),
+        (false, None) => {
+            let plan = choose(&Composer { arena, library: &session.library, graph: &graph }, &settings.estimate);
+            let base = frame_automatically(plan.map_err(failed)?.bounding_radius);
+            graph.with_camera(arguments.view.apply(base)?)
+        }
     };
-    let graph = graph.clone().with_camera(view.apply(base)?);
-    compose(&Composer { graph: &graph, ..composer })
+    let wish = Wish {
+        estimate: &arguments.estimate,
+        size: settings.size,
+        camera: graph.camera,
+        precision,
+        primary_rays: u64::from(settings.size.width) * u64::from(settings.size.height) * u64::from(settings.samples).pow(2),
+        quiet: arguments.quiet,
+    };
+    let calibration = choose_estimate(session, &graph, arena, &wish)?;
+    let composer = Composer { arena, library: &session.library, graph: &graph };
+    let pipeline = compose_planned(&composer, settings, calibration.plan.clone()).map_err(failed)?;
+    Ok((pipeline, calibration))
 }
 
 struct RenderJob<'a> {

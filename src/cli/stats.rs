@@ -2,8 +2,11 @@
 
 use std::fmt::Write as _;
 
+use bulbfold::calibrate::Calibration;
 use bulbfold::render::{Pipeline, RenderSettings, Stats};
 use serde_json::{Value, json};
+
+use super::calibration;
 
 /// Version of the JSON object; it grows when a key changes its meaning or goes.
 const VERSION: u32 = 1;
@@ -18,6 +21,8 @@ pub struct Report<'a> {
     pub settings: &'a RenderSettings,
     /// What was chosen.
     pub pipeline: &'a Pipeline,
+    /// How the estimate was chosen.
+    pub calibration: &'a Calibration,
     /// What was counted.
     pub stats: &'a Stats,
 }
@@ -68,6 +73,7 @@ impl Report<'_> {
             },
             "compile_seconds": stats.compile.as_secs_f64(),
             "render_seconds": stats.render.as_secs_f64(),
+            "calibration": calibration::json(self.calibration),
             "warnings": plan.warnings,
         })
     }
@@ -89,6 +95,7 @@ impl Report<'_> {
             row("estimate", "own: primitives know their distance".into());
         }
         row("fudge", plan.fudge.to_string());
+        row("shortest step", format!("{} of the hit threshold", plan.least_step));
         row("bounding radius", format!("{:.4}", plan.bounding_radius));
         let share = |count: u64| format!("{count} ({:.2} %)", 100.0 * ratio(count as f64, stats.rays as f64));
         row("rays", stats.rays.to_string());
@@ -108,6 +115,7 @@ impl Report<'_> {
         );
         row("compile time", format!("{:.3} s", stats.compile.as_secs_f64()));
         row("render time", format!("{:.3} s", stats.render.as_secs_f64()));
+        text.push_str(&calibration::table(self.calibration));
         text
     }
 }
