@@ -12,7 +12,7 @@ pub const LEAST_STEPS: [f64; 4] = [LEAST_STEP, LEAST_STEP / 4.0, LEAST_STEP / 16
 /// One way of estimating distances and stepping by them.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Candidate {
-    /// Method of every orbit that it applies to and that fixes none; `None` leaves all to the rules.
+    /// Method of every orbit that it applies to and that fixes none; `None` where there is none to choose, as for primitives.
     pub method: Option<Method>,
     /// Form; `None` is what the orbit's growth calls for.
     pub form: Option<DeForm>,
@@ -36,7 +36,7 @@ impl Candidate {
 
     /// Method and form in words.
     pub fn name(&self) -> String {
-        let method = self.method.map_or("by rule", Method::name);
+        let method = self.method.unwrap_or(Method::Own).name();
         self.form.map_or(method.to_string(), |form| format!("{method} {}", form.name()))
     }
 }
@@ -67,13 +67,13 @@ impl Space {
         for method in Method::ALL {
             let open = base.choices.iter().zip(&fixed).filter(|(_, fixed)| fixed.method.is_none());
             let applies = open.filter(|(choice, _)| choice.applicable.contains(&method)).count() > 0;
-            // A ball that is proven empty is never larger than the segment that `certified` proves at the same cost.
-            if applies && !matches!(method, Method::Own | Method::CertifiedBall) {
+            // With exact derivatives the potential is the gradient's own number.
+            if applies && !matches!(method, Method::Own | Method::Potential) {
                 kinds.push((Some(method), None));
             }
         }
         if kinds.is_empty() {
-            kinds.push((None, None));
+            kinds.push((base.choices.first().map(|choice| choice.method), None));
         }
         let other = |(method, _): &(Option<Method>, _)| Some((*method, Some(other_form(&base, &fixed, *method)?)));
         let others: Vec<_> = kinds.iter().filter_map(other).collect();
@@ -125,14 +125,15 @@ impl Space {
         Candidate { method, form: None, fudge: self.base.fudge, least_step: self.base.least_step }
     }
 
-    /// The most careful candidate among the methods that are cheap enough to march thousands of rays with: bounds before
-    /// estimates, short steps. What it hits is a member of the set, whatever it misses.
+    /// The most careful candidate among the methods that are cheap enough to march thousands of rays with: proofs before
+    /// bounds before estimates, short steps.
     pub fn careful(&self) -> Candidate {
-        let careful = [Method::Frobenius, Method::Jacobian, Method::Combined, Method::Scalar, Method::Delta];
+        let careful = [Method::CertifiedBall, Method::Frobenius, Method::Combined, Method::Scalar, Method::Delta];
         let kinds: Vec<Option<Method>> = self.kinds.iter().map(|(method, _)| *method).collect();
         let method = careful.into_iter().map(Some).find(|method| kinds.contains(method)).unwrap_or(kinds[0]);
         let least_step = self.least_steps[self.least_steps.len().min(3) - 1];
-        let fudge = self.fudges[self.fudges.len().min(4) - 1];
+        let is_proof = method.is_some_and(Method::is_certified);
+        let fudge = if is_proof { self.fudges[0] } else { self.fudges[self.fudges.len().min(4) - 1] };
         Candidate { method, form: None, fudge, least_step }
     }
 }

@@ -26,31 +26,14 @@ use std::time::{Duration, Instant};
 
 pub use candidate::{Candidate, FUDGES, LEAST_STEPS, Space};
 
+pub use crate::check::truth::Budget;
 use crate::check::truth::{Scale, Truths, view_rays};
 use crate::check::{Subject, Target};
 use crate::compose::Plan;
 use crate::diag::Diagnostic;
 use crate::graph::{Camera, EstimateSettings};
 use crate::shade::{Size, frame_automatically};
-use race::Race;
-
-/// Errors that a march may make. Shares are from 0 to 1.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Budget {
-    /// Share of the hits that may be missed, or met more than two footprints behind.
-    pub missed: f64,
-    /// Share of the stops that may be in front of the truth by more than 0.5 % of the bounding radius.
-    pub early: f64,
-    /// Median depth error, in footprints (a footprint is a pixel's diameter at the hit).
-    pub error: f64,
-}
-
-impl Default for Budget {
-    /// Missed under 0.5 %, early stops under 5 %, median depth error under half a footprint.
-    fn default() -> Budget {
-        Budget { missed: 0.005, early: 0.05, error: 0.5 }
-    }
-}
+use race::{Race, time_of_render};
 
 /// Time that a calibration may always take.
 pub const LEAST_TIME: Duration = Duration::from_millis(300);
@@ -58,14 +41,12 @@ pub const LEAST_TIME: Duration = Duration::from_millis(300);
 const SHARE_OF_RENDER: f64 = 0.1;
 /// What a pixel takes besides its primary ray (its shadow and its colour), as a share of that.
 const BESIDES_PRIMARY: f64 = 1.0;
-/// Rays that the first guess at everything is made with, most rays, and the hits that are enough.
-const FIRST_RAYS: usize = 96;
+/// Rays of the truth that are taken even where they take longer than they may, most rays, and hits that are enough.
+const FIRST_RAYS: usize = 48;
 const MOST_RAYS: usize = 4000;
 const ENOUGH_HITS: usize = 500;
-/// Rays that are taken even where that takes longer than it may.
-const FEWEST_RAYS: usize = 300;
 /// Share of the time that the truth may take; the candidates take the rest.
-const SHARE_OF_TRUTH: f64 = 0.5;
+const SHARE_OF_TRUTH: f64 = 0.6;
 
 /// What a calibration goes by.
 #[derive(Clone, PartialEq, Debug)]
@@ -238,11 +219,12 @@ fn measure(
     start: Instant,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Calibration, Diagnostic> {
-    let truths = find_truths(subject, options, start, &mut |share| progress(share * SHARE_OF_TRUTH))?;
+    let time = options.time.max(time_of_render(subject, options, space)?.mul_f64(SHARE_OF_RENDER));
+    let deadline = start + time;
+    let until = start + time.mul_f64(SHARE_OF_TRUTH);
+    let truths = find_truths(subject, options, until, &mut |share| progress(share * SHARE_OF_TRUTH))?;
     let [hits, misses, _] = truths.counts();
     let mut race = Race::new(subject, options, space, &truths);
-    let time = options.time.max(race.time_of_render()?.mul_f64(SHARE_OF_RENDER));
-    let deadline = start + time;
     let mut told = || progress(SHARE_OF_TRUTH + (1.0 - SHARE_OF_TRUTH) * share_of(start, deadline));
     let is_within = race.run(deadline, &mut told)?;
     let (chosen, evidence) = race.finish();
@@ -285,7 +267,7 @@ fn reason(row: &Row, hits: usize, rays: usize) -> String {
 fn find_truths(
     subject: &Subject,
     options: &Options,
-    start: Instant,
+    until: Instant,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Truths, Diagnostic> {
     let composer = subject.composer();
@@ -294,11 +276,11 @@ fn find_truths(
     let begin = Instant::now();
     let mut truths = Truths::find(&composer, &subject.plan.choices, &rays[..FIRST_RAYS], scale, &mut |_| true)?;
     let each = begin.elapsed().as_secs_f64() / FIRST_RAYS as f64;
-    let left = options.time.mul_f64(SHARE_OF_TRUTH).saturating_sub(start.elapsed()).as_secs_f64();
+    let left = until.saturating_duration_since(Instant::now()).as_secs_f64();
     let affordable = FIRST_RAYS + (left / each.max(1e-9)) as usize;
     let share = truths.counts()[0].max(1) as f64 / FIRST_RAYS as f64;
     let wanted = (ENOUGH_HITS as f64 / share) as usize;
-    let count = wanted.min(affordable).clamp(FEWEST_RAYS, MOST_RAYS);
+    let count = wanted.min(affordable).clamp(FIRST_RAYS, MOST_RAYS);
     let more = Truths::find(&composer, &subject.plan.choices, &rays[FIRST_RAYS..count], scale, &mut |share| {
         progress(share);
         true

@@ -8,13 +8,14 @@
 use std::time::{Duration, Instant};
 
 use super::{BESIDES_PRIMARY, Candidate, Options, Row, Space, Verdict};
-use crate::check::truth::{Judgement, Truths, candidate as candidate_march, ends, ray_columns};
+use crate::check::truth::{End, Judgement, Truths, candidate as candidate_march, ends, ray_columns, view_rays, Scale};
 use crate::check::{Backends, Subject};
 use crate::compose::{ComposeResult, Plan};
 use crate::graph::Method;
 use crate::kernel::Kernel;
 use crate::kernel::work::Work;
 use crate::march::MarchSettings;
+use crate::render::in_precision;
 
 /// By what power of 1 / fudge the cost is expected to grow, and by what factor for a shortest step a quarter as long.
 const COST_OF_FUDGE: f64 = 0.8;
@@ -27,11 +28,50 @@ const FEWEST: usize = 3;
 /// Estimates after which a ray is unfinished, as in a render.
 const MAX_MARCH_STEPS: u32 = 1000;
 
+/// Rays that the render's time is taken from.
+const TIMED_RAYS: usize = 512;
+/// Share of the missed hits of the budget that a choice may come to: rays that nobody looked at shall keep the budget, too.
+const MARGIN: f64 = 0.5;
+/// Rays without truth that candidates are compared with each other on.
+const COMPARED_RAYS: usize = 3000;
+/// A stop this many footprints behind a known member has passed it, as in [`Judgement`].
+const BEHIND_FOOTPRINTS: f64 = 2.0;
+/// Beyond this many times the budget a candidate's next smaller step multiplier is passed over.
+const HOPELESS: f64 = 10.0;
+
+/// How a candidate is more careful than the one before it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Axis {
+    Fudge,
+    LeastStep,
+}
+
 /// A candidate that has not been tried.
 struct Entry {
     candidate: Candidate,
     /// Operations a ray that are expected.
     expected: f64,
+    /// What makes it more careful than the candidate that failed before it, and that one's excess.
+    after: Option<(Axis, f64)>,
+}
+
+/// More rays, without a truth: wherever a march stops is a member of the set, so whoever passes it there has missed it.
+struct Compared {
+    columns: Vec<Vec<f64>>,
+    /// Depth of the first known member of each ray, or infinity.
+    known: Vec<f64>,
+}
+
+impl Compared {
+    /// Hits that are known, and how many of them these ends passed; the ends' own stops are known from now on.
+    fn passed(&mut self, ends: &[End], footprint: impl Fn(f64) -> f64) -> [usize; 2] {
+        for (known, end) in self.known.iter_mut().zip(ends) {
+            *known = end.depth().unwrap_or(f64::INFINITY).min(*known);
+        }
+        let pairs = || self.known.iter().zip(ends).filter(|(known, _)| known.is_finite());
+        let is_passed = |known: f64, end: &End| end.depth().is_none_or(|t| t > known + BEHIND_FOOTPRINTS * footprint(known));
+        [pairs().count(), pairs().filter(|(known, end)| is_passed(**known, end)).count()]
+    }
 }
 
 /// A candidate that has been tried.
@@ -48,45 +88,62 @@ pub(super) struct Race<'a> {
     truths: &'a Truths,
     backends: Backends,
     columns: Vec<Vec<f64>>,
+    compared: Compared,
     open: Vec<Entry>,
     tried: Vec<Tried>,
+}
+
+/// How long a render will take, going by a march of the rules' plan on a few rays of the view.
+pub(super) fn time_of_render(subject: &Subject, options: &Options, space: &Space) -> ComposeResult<Duration> {
+    if options.primary_rays == 0 {
+        return Ok(Duration::ZERO);
+    }
+    let rays = view_rays(&options.camera, options.size, TIMED_RAYS, options.seed);
+    let scale = Scale::of_view(&options.camera, options.size, subject.plan.bounding_radius);
+    let kernel = march(subject, options, scale, &space.plan(&space.by_rule()))?;
+    let columns = ray_columns(&rays, scale.bounding_radius);
+    let timed = Backends::cpu_only().run_timed(options.target, subject.arena, &kernel, &columns);
+    let (_, time) = timed.expect("the CPU runs every kernel");
+    let times = options.primary_rays as f64 / TIMED_RAYS as f64;
+    Ok(time.mul_f64(times * (1.0 + BESIDES_PRIMARY) / rayon::current_num_threads().max(1) as f64))
+}
+
+/// The march of a plan, in the precision of the options.
+fn march(subject: &Subject, options: &Options, scale: Scale, plan: &Plan) -> ComposeResult<Kernel> {
+    let least = options.target.min_difference();
+    let plan = in_precision(plan.clone(), least);
+    let settings = MarchSettings {
+        max_march_steps: MAX_MARCH_STEPS,
+        ..MarchSettings::of_plan(&plan, scale.pixel_radius, least)
+    };
+    candidate_march(&subject.composer(), &plan.choices, &settings)
 }
 
 impl<'a> Race<'a> {
     pub(super) fn new(subject: &'a Subject, options: &'a Options, space: &'a Space, truths: &'a Truths) -> Race<'a> {
         let columns = ray_columns(&truths.rays, truths.scale.bounding_radius);
+        let rays = view_rays(&options.camera, options.size, COMPARED_RAYS, options.seed + 1);
+        let compared = Compared {
+            columns: ray_columns(&rays, truths.scale.bounding_radius),
+            known: vec![f64::INFINITY; rays.len()],
+        };
         let backends = Backends::cpu_only();
-        Race { subject, options, space, truths, backends, columns, open: Vec::new(), tried: Vec::new() }
+        Race { subject, options, space, truths, backends, columns, compared, open: Vec::new(), tried: Vec::new() }
     }
 
     fn kernel(&self, plan: &Plan) -> ComposeResult<Kernel> {
-        let least = self.options.target.min_difference();
-        let settings = MarchSettings {
-            max_march_steps: MAX_MARCH_STEPS,
-            ..MarchSettings::of_plan(plan, self.truths.scale.pixel_radius, least)
-        };
-        candidate_march(&self.subject.composer(), &plan.choices, &settings)
+        march(self.subject, self.options, self.truths.scale, plan)
     }
 
     fn plan(&self, candidate: &Candidate) -> Plan {
-        crate::render::in_precision(self.space.plan(candidate), self.options.target.min_difference())
-    }
-
-    /// How long the render will take, going by the rules' plan on these rays.
-    pub(super) fn time_of_render(&self) -> ComposeResult<Duration> {
-        if self.options.primary_rays == 0 {
-            return Ok(Duration::ZERO);
-        }
-        let kernel = self.kernel(&self.plan(&self.space.by_rule()))?;
-        let timed = self.backends.run_timed(self.options.target, self.subject.arena, &kernel, &self.columns);
-        let (_, time) = timed.expect("the CPU runs every kernel");
-        let rays = self.options.primary_rays as f64 / self.truths.rays.len().max(1) as f64;
-        Ok(time.mul_f64(rays * (1.0 + BESIDES_PRIMARY) / rayon::current_num_threads().max(1) as f64))
+        self.space.plan(candidate)
     }
 
     /// Runs until a candidate keeps the budget (true), or the time or the candidates come to an end.
     pub(super) fn run(&mut self, deadline: Instant, told: &mut dyn FnMut()) -> ComposeResult<bool> {
         self.line_up()?;
+        let careful = self.kernel(&self.plan(&self.space.careful()))?;
+        self.passed(&careful);
         while let Some(entry) = self.next() {
             if Instant::now() > deadline && self.tried.len() >= FEWEST {
                 break;
@@ -98,14 +155,14 @@ impl<'a> Race<'a> {
         }
         // Out of time, or of candidates: a proof is worth a last look.
         let proof = Candidate {
-            method: Some(Method::Certified),
+            method: Some(Method::CertifiedBall),
             form: None,
             fudge: self.space.fudges[0],
             least_step: self.space.least_steps[self.space.least_steps.len().min(3) - 1],
         };
-        let knows_proofs = self.space.kinds.contains(&(Some(Method::Certified), None));
+        let knows_proofs = self.space.kinds.contains(&(Some(Method::CertifiedBall), None));
         if knows_proofs && !self.tried.iter().any(|tried| tried.row.candidate == proof) {
-            return self.try_one(Entry { candidate: proof, expected: 0.0 });
+            return self.try_one(Entry { candidate: proof, expected: 0.0, after: None });
         }
         Ok(false)
     }
@@ -124,7 +181,7 @@ impl<'a> Race<'a> {
             if form.is_some() {
                 expected *= COST_OF_OTHER_FORM;
             }
-            self.open.push(Entry { candidate, expected });
+            self.open.push(Entry { candidate, expected, after: None });
         }
         Ok(())
     }
@@ -149,10 +206,13 @@ impl<'a> Race<'a> {
         let out = self.backends.run(self.options.target, self.subject.arena, &kernel, &self.columns);
         let judged = self.truths.judge(&ends(&out.expect("the CPU runs every kernel"), self.truths.rays.len()));
         let cost = work.total(judged.estimates, judged.iterations);
-        let (why, excess) = self.judge(&judged);
+        let [known, passed] = self.passed(&kernel);
+        let hits = judged.hits + known;
+        let missed = ((judged.missed * judged.hits as f64).round() + passed as f64) / hits.max(1) as f64;
+        let (why, excess) = self.judge(&judged, missed, hits);
         let row = Row {
             candidate,
-            missed: judged.missed,
+            missed,
             early: judged.early,
             error: judged.median_error,
             estimates: judged.estimates,
@@ -165,7 +225,7 @@ impl<'a> Race<'a> {
             self.open.iter_mut().for_each(|open| open.expected *= scale);
         }
         if excess > 1.0 {
-            self.add_neighbours(&row, &judged);
+            self.add_neighbours(&row, excess, entry.after);
         }
         self.tried.push(Tried { row, excess });
         Ok(excess <= 1.0)
@@ -173,9 +233,9 @@ impl<'a> Race<'a> {
 
     /// Where the budget is broken, in words, and by how much.
     ///
-    /// A few hundred hits say little about half a percent: so one more than was missed is counted, which is what a rate
-    /// is on the average that shows so many misses. Where there are too few hits for even that, none may be missed.
-    fn judge(&self, judged: &Judgement) -> (String, f64) {
+    /// Hundreds of hits say little about half a percent: so one more than was missed is counted, which is what a rate is on
+    /// the average that shows so many misses. Where there are too few hits for even that, none may be missed.
+    fn judge(&self, judged: &Judgement, missed: f64, hits: usize) -> (String, f64) {
         let budget = &self.options.budget;
         let expected = |share: f64, of: usize| match (share * of as f64).round() {
             0.0 => 0.0,
@@ -183,7 +243,7 @@ impl<'a> Race<'a> {
         };
         let stops = judged.hits;
         let checks = [
-            (expected(judged.missed, judged.hits) / budget.missed.max(1e-9), "misses too much"),
+            (expected(missed, hits) / (MARGIN * budget.missed).max(1e-9), "misses too much"),
             (expected(judged.early, stops) / budget.early.max(1e-9), "stops too early"),
             (judged.median_error / budget.error.max(1e-9), "depths are off"),
         ];
@@ -191,28 +251,44 @@ impl<'a> Race<'a> {
         (why.to_string(), excess)
     }
 
-    /// The more careful neighbours of a candidate that failed.
-    fn add_neighbours(&mut self, row: &Row, judged: &Judgement) {
+    /// Marches the rays that candidates are compared on: hits that are known, and how many of them it passed.
+    fn passed(&mut self, kernel: &Kernel) -> [usize; 2] {
+        let (arena, scale) = (self.subject.arena, self.truths.scale);
+        let out = self.backends.run(self.options.target, arena, kernel, &self.compared.columns);
+        let ends = ends(&out.expect("the CPU runs every kernel"), self.compared.known.len());
+        self.compared.passed(&ends, |t| scale.footprint(t))
+    }
+
+    /// The more careful neighbours of a candidate that failed. What did not help once is not tried further.
+    fn add_neighbours(&mut self, row: &Row, excess: f64, after: Option<(Axis, f64)>) {
         let candidate = row.candidate;
-        let below = |list: &[f64], value: f64| list.iter().copied().find(|x| *x < value);
-        let is_proof = candidate.method == Some(Method::Certified);
-        // A proof does not overshoot, and shorter least steps find nothing but what is thin.
-        let fudge = below(&self.space.fudges, candidate.fudge).filter(|_| !is_proof);
-        let least_step = below(&self.space.least_steps, candidate.least_step).filter(|_| judged.missed_thin > 0.0);
-        if let Some(fudge) = fudge {
+        let helps = |axis: Axis| after.is_none_or(|(last, before)| last != axis || excess < before);
+        let below = |list: &[f64], value: f64, skip: usize| {
+            let smaller: Vec<f64> = list.iter().copied().filter(|x| *x < value).collect();
+            smaller.get(skip.min(smaller.len().saturating_sub(1))).copied()
+        };
+        // A proof does not overshoot.
+        let is_proof = candidate.method.is_some_and(Method::is_certified);
+        if helps(Axis::Fudge)
+            && !is_proof
+            && let Some(fudge) = below(&self.space.fudges, candidate.fudge, usize::from(excess > HOPELESS))
+        {
             let expected = row.cost * (candidate.fudge / fudge).powf(COST_OF_FUDGE);
-            self.add(Candidate { fudge, ..candidate }, expected);
+            self.add(Candidate { fudge, ..candidate }, expected, (Axis::Fudge, excess));
         }
-        if let Some(least_step) = least_step {
-            self.add(Candidate { least_step, ..candidate }, row.cost * COST_OF_LEAST_STEP);
+        if helps(Axis::LeastStep)
+            && let Some(least_step) = below(&self.space.least_steps, candidate.least_step, 0)
+        {
+            let expected = row.cost * COST_OF_LEAST_STEP;
+            self.add(Candidate { least_step, ..candidate }, expected, (Axis::LeastStep, excess));
         }
     }
 
-    fn add(&mut self, candidate: Candidate, expected: f64) {
+    fn add(&mut self, candidate: Candidate, expected: f64, after: (Axis, f64)) {
         let is_known = self.open.iter().any(|open| open.candidate == candidate)
             || self.tried.iter().any(|tried| tried.row.candidate == candidate);
         if !is_known {
-            self.open.push(Entry { candidate, expected });
+            self.open.push(Entry { candidate, expected, after: Some(after) });
         }
     }
 

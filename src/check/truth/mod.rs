@@ -23,7 +23,7 @@ mod judge;
 mod membership;
 mod walk;
 
-pub use judge::{End, Judgement, candidate, ends, judge, march_rays};
+pub use judge::{Budget, End, Judgement, candidate, ends, judge, march_rays};
 pub use membership::{Members, compose_membership};
 
 use self::walk::Walker;
