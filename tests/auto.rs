@@ -131,7 +131,7 @@ fn boxes_keep_the_budget() {
         .into_iter()
         .map(|(scale, iterations)| (format!("box of scale {scale}"), map(&boxed(scale, iterations))))
         .collect();
-    for squeeze in ["((2, 0.2, 0), (0, 1.6, 0.3), (0.1, 0, 1.8))", "((2.2, 0, 0), (0, 1.5, 0), (0, 0, 1.9))"] {
+    for squeeze in ["[(2, 0.2, 0), (0, 1.6, 0.3), (0.1, 0, 1.8)]", "[(2.2, 0, 0), (0, 1.5, 0), (0, 0, 1.9)]"] {
         let text = format!(
             r#"(nodes: {{"a": Sequence([box_fold(), sphere_fold(), linear(matrix: {squeeze})])}}, escape_radius: 60, max_iterations: 8)"#
         );

@@ -125,16 +125,22 @@ impl Space {
         Candidate { method, form: None, fudge: self.base.fudge, least_step: self.base.least_step }
     }
 
-    /// The most careful candidate among the methods that are cheap enough to march thousands of rays with: proofs before
-    /// bounds before estimates, short steps.
-    pub fn careful(&self) -> Candidate {
+    /// The two most careful candidates among the methods that are cheap enough to march thousands of rays with: proofs
+    /// before bounds before estimates, short steps.
+    pub fn careful(&self) -> Vec<Candidate> {
         let careful = [Method::CertifiedBall, Method::Frobenius, Method::Combined, Method::Scalar, Method::Delta];
         let kinds: Vec<Option<Method>> = self.kinds.iter().map(|(method, _)| *method).collect();
-        let method = careful.into_iter().map(Some).find(|method| kinds.contains(method)).unwrap_or(kinds[0]);
-        let least_step = self.least_steps[self.least_steps.len().min(3) - 1];
-        let is_proof = method.is_some_and(Method::is_certified);
-        let fudge = if is_proof { self.fudges[0] } else { self.fudges[self.fudges.len().min(4) - 1] };
-        Candidate { method, form: None, fudge, least_step }
+        let mut methods: Vec<Option<Method>> = careful.map(Some).into_iter().filter(|m| kinds.contains(m)).collect();
+        if methods.is_empty() {
+            methods.push(kinds[0]);
+        }
+        let least_step = self.least_steps[self.least_steps.len().min(2) - 1];
+        let with = |method: Option<Method>| {
+            let is_proof = method.is_some_and(Method::is_certified);
+            let fudge = if is_proof { self.fudges[0] } else { self.fudges[self.fudges.len().min(4) - 1] };
+            Candidate { method, form: None, fudge, least_step }
+        };
+        methods.into_iter().take(2).map(with).collect()
     }
 }
 

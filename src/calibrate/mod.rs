@@ -122,6 +122,11 @@ pub struct Row {
 }
 
 impl Row {
+    /// Whether what was measured keeps a budget.
+    pub fn is_within(&self, budget: &Budget) -> bool {
+        self.missed <= budget.missed && self.early <= budget.early && self.error <= budget.error
+    }
+
     /// Whether it was chosen.
     pub fn is_chosen(&self) -> bool {
         self.verdict == Verdict::Chosen
@@ -226,10 +231,11 @@ fn measure(
     let [hits, misses, _] = truths.counts();
     let mut race = Race::new(subject, options, space, &truths);
     let mut told = || progress(SHARE_OF_TRUTH + (1.0 - SHARE_OF_TRUTH) * share_of(start, deadline));
-    let is_within = race.run(deadline, &mut told)?;
+    race.run(deadline, &mut told)?;
     let (chosen, evidence) = race.finish();
     let mut plan = space.plan(&chosen);
     let row = evidence.iter().find(|row| row.is_chosen());
+    let is_within = row.is_some_and(|row| row.is_within(&options.budget));
     if let Some(row) = row {
         let reason = reason(row, hits, misses + hits);
         plan.choices.iter_mut().for_each(|choice| choice.reason = reason.clone());

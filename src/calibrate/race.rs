@@ -31,13 +31,17 @@ const MAX_MARCH_STEPS: u32 = 1000;
 /// Rays that the render's time is taken from.
 const TIMED_RAYS: usize = 512;
 /// Share of the missed hits of the budget that a choice may come to: rays that nobody looked at shall keep the budget, too.
-const MARGIN: f64 = 0.5;
-/// Rays without truth that candidates are compared with each other on.
-const COMPARED_RAYS: usize = 3000;
+const MARGIN: f64 = 0.4;
+/// Hits without truth that candidates are compared with each other on, and the fewest and most rays for them.
+const COMPARED_HITS: f64 = 3000.0;
+const COMPARED_RAYS: [usize; 2] = [3000, 12_000];
 /// A stop this many footprints behind a known member has passed it, as in [`Judgement`].
 const BEHIND_FOOTPRINTS: f64 = 2.0;
-/// Beyond this many times the budget a candidate's next smaller step multiplier is passed over.
-const HOPELESS: f64 = 10.0;
+/// Beyond this many times the budget a candidate's next smaller step multiplier is passed over, and shorter least steps
+/// are not tried: it is not only thin things that it misses.
+const HOPELESS: f64 = 6.0;
+/// What is not at least so much better is no help.
+const HELP: f64 = 0.8;
 
 /// How a candidate is more careful than the one before it.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -122,7 +126,10 @@ fn march(subject: &Subject, options: &Options, scale: Scale, plan: &Plan) -> Com
 impl<'a> Race<'a> {
     pub(super) fn new(subject: &'a Subject, options: &'a Options, space: &'a Space, truths: &'a Truths) -> Race<'a> {
         let columns = ray_columns(&truths.rays, truths.scale.bounding_radius);
-        let rays = view_rays(&options.camera, options.size, COMPARED_RAYS, options.seed + 1);
+        let share = truths.counts()[0].max(1) as f64 / truths.rays.len().max(1) as f64;
+        let [fewest, most] = COMPARED_RAYS;
+        let count = ((COMPARED_HITS / share) as usize).clamp(fewest, most);
+        let rays = view_rays(&options.camera, options.size, count, options.seed + 1);
         let compared = Compared {
             columns: ray_columns(&rays, truths.scale.bounding_radius),
             known: vec![f64::INFINITY; rays.len()],
@@ -142,8 +149,10 @@ impl<'a> Race<'a> {
     /// Runs until a candidate keeps the budget (true), or the time or the candidates come to an end.
     pub(super) fn run(&mut self, deadline: Instant, told: &mut dyn FnMut()) -> ComposeResult<bool> {
         self.line_up()?;
-        let careful = self.kernel(&self.plan(&self.space.careful()))?;
-        self.passed(&careful);
+        for careful in self.space.careful() {
+            let kernel = self.kernel(&self.plan(&careful))?;
+            self.passed(&kernel);
+        }
         while let Some(entry) = self.next() {
             if Instant::now() > deadline && self.tried.len() >= FEWEST {
                 break;
@@ -153,16 +162,12 @@ impl<'a> Race<'a> {
             }
             told();
         }
-        // Out of time, or of candidates: a proof is worth a last look.
-        let proof = Candidate {
-            method: Some(Method::CertifiedBall),
-            form: None,
-            fudge: self.space.fudges[0],
-            least_step: self.space.least_steps[self.space.least_steps.len().min(3) - 1],
-        };
-        let knows_proofs = self.space.kinds.contains(&(Some(Method::CertifiedBall), None));
-        if knows_proofs && !self.tried.iter().any(|tried| tried.row.candidate == proof) {
-            return self.try_one(Entry { candidate: proof, expected: 0.0, after: None });
+        // Out of time, or of candidates: what is careful is worth a last look.
+        for candidate in self.space.careful() {
+            let is_new = !self.tried.iter().any(|tried| tried.row.candidate == candidate);
+            if is_new && self.try_one(Entry { candidate, expected: 0.0, after: None })? {
+                return Ok(true);
+            }
         }
         Ok(false)
     }
@@ -262,7 +267,7 @@ impl<'a> Race<'a> {
     /// The more careful neighbours of a candidate that failed. What did not help once is not tried further.
     fn add_neighbours(&mut self, row: &Row, excess: f64, after: Option<(Axis, f64)>) {
         let candidate = row.candidate;
-        let helps = |axis: Axis| after.is_none_or(|(last, before)| last != axis || excess < before);
+        let helps = |axis: Axis| after.is_none_or(|(last, before)| last != axis || excess < HELP * before);
         let below = |list: &[f64], value: f64, skip: usize| {
             let smaller: Vec<f64> = list.iter().copied().filter(|x| *x < value).collect();
             smaller.get(skip.min(smaller.len().saturating_sub(1))).copied()
@@ -277,6 +282,7 @@ impl<'a> Race<'a> {
             self.add(Candidate { fudge, ..candidate }, expected, (Axis::Fudge, excess));
         }
         if helps(Axis::LeastStep)
+            && excess <= HOPELESS
             && let Some(least_step) = below(&self.space.least_steps, candidate.least_step, 0)
         {
             let expected = row.cost * COST_OF_LEAST_STEP;
