@@ -11,16 +11,15 @@ use bulbfold::graph::EstimateSettings;
 use bulbfold::march::MarchSettings;
 use bulbfold::render::in_precision;
 use bulbfold::shade::Size;
-use std::time::Duration;
 
 /// Pixels of a small picture: the truth is as fine as they are.
 const SIZE: Size = Size { width: 320, height: 240 };
 /// Rays that the choice is judged on: a bar of 0.5 % needs far more than the 300 of a glance.
 const RAYS: usize = 2000;
 
-/// Options with the default budget. Other tests run beside this one, so the time is longer than the default.
+/// The default options on a small picture.
 fn options(formula: &Formula) -> Options {
-    Options { size: SIZE, cache: None, time: Duration::from_secs(2), ..Options::of_view(&formula.subject()) }
+    Options { size: SIZE, cache: None, ..Options::of_view(&formula.subject()) }
 }
 
 fn calibrated(formula: &Formula, options: &Options) -> Calibration {
@@ -67,6 +66,9 @@ fn complaint(name: &str, formula: &Formula, seed: u64) -> Option<String> {
     );
     assert!(judged.hits + judged.misses >= 300, "{name}: too few settled rays");
     assert!(judged.hits >= 30, "{name}: the view shows nothing");
+    if std::env::var_os("AUTO_EVIDENCE").is_some() {
+        calibration.evidence.iter().for_each(|row| println!("    {row:?}"));
+    }
     let keeps = judged.missed < 0.005 && judged.early < 0.05 && judged.median_error < 0.5;
     (!keeps).then(|| format!("{name}: {chosen}: missed {} early {} error {}", judged.missed, judged.early, judged.median_error))
 }
@@ -191,7 +193,7 @@ fn what_is_fixed_stays() {
 #[test]
 fn choices_are_the_same_twice() {
     let formula = Formula::builtin("menger_bulb").unwrap();
-    let options = options(&formula);
+    let options = Options { time: std::time::Duration::from_secs(20), ..options(&formula) };
     let [a, b] = [(); 2].map(|()| calibrated(&formula, &options));
     assert_eq!((a.chosen, a.evidence, a.rays), (b.chosen, b.evidence, b.rays));
 }
@@ -254,4 +256,32 @@ fn outcomes_are_kept_and_broken_files_are_made_anew() {
     let calibration = calibrated(&formula, &nowhere);
     assert_eq!(calibration.origin, Origin::Measured);
     assert!(calibration.warnings.iter().any(|w| w.contains("could not be kept")), "{:?}", calibration.warnings);
+}
+
+fn calibrated_verdicts(text: &str) -> Vec<(String, bool)> {
+    let report = map(text).run_tests();
+    let failed = |v: &bulbfold::check::Verdict| matches!(v, bulbfold::check::Verdict::Failed(_));
+    let mine = report.outcomes.iter().filter(|outcome| outcome.name.contains("calibrated"));
+    mine.map(|outcome| (outcome.name.clone(), !failed(&outcome.verdict))).collect()
+}
+
+#[test]
+fn files_that_call_themselves_calibrated_are_tested() {
+    let with = |estimate: &str| {
+        format!(
+            r#"(nodes: {{"f": box_fold(), "s": sphere_fold(), "g": scale(scale: -1.5), "a": Sequence(["f", "s", "g"])}}, output: "a", escape_radius: 60, max_iterations: 12, estimate: ({estimate}))"#
+        )
+    };
+    let right = with(r#"method: "certified-ball", fudge: 1, least_step: 0.0625, calibrated: true"#);
+    // The gradient overestimates badly across sphere folds.
+    let wrong = with(r#"method: "gradient", fudge: 1, calibrated: true"#);
+    assert!(matches!(&calibrated_verdicts(&right)[..], [(_, true)]));
+    assert!(matches!(&calibrated_verdicts(&wrong)[..], [(_, false)]));
+    assert!(calibrated_verdicts(&with(r#"method: "gradient""#)).is_empty(), "nothing is claimed");
+
+    // Such a file is believed without measuring.
+    let formula = map(&right);
+    let calibration = calibrated(&formula, &options(&formula));
+    assert_eq!((calibration.origin, calibration.evidence.len()), (Origin::File, 0));
+    assert_eq!((calibration.plan.fudge, calibration.plan.least_step), (1.0, 0.0625));
 }

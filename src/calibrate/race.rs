@@ -37,8 +37,8 @@ const COMPARED_HITS: f64 = 3000.0;
 const COMPARED_RAYS: [usize; 2] = [3000, 12_000];
 /// A stop this many footprints behind a known member has passed it, as in [`Judgement`].
 const BEHIND_FOOTPRINTS: f64 = 2.0;
-/// Beyond this many times the budget a candidate's next smaller step multiplier is passed over, and shorter least steps
-/// are not tried: it is not only thin things that it misses.
+/// Beyond this many times the budget, and where it is not thin things that are missed, a candidate's next smaller step
+/// multiplier is passed over, and shorter least steps are not tried.
 const HOPELESS: f64 = 6.0;
 /// What is not at least so much better is no help.
 const HELP: f64 = 0.8;
@@ -146,30 +146,38 @@ impl<'a> Race<'a> {
         self.space.plan(candidate)
     }
 
-    /// Runs until a candidate keeps the budget (true), or the time or the candidates come to an end.
-    pub(super) fn run(&mut self, deadline: Instant, told: &mut dyn FnMut()) -> ComposeResult<bool> {
+    /// Runs until nothing is expected to be cheaper than the cheapest that keeps the budget, or until the time or the
+    /// candidates come to an end.
+    pub(super) fn run(&mut self, deadline: Instant, told: &mut dyn FnMut()) -> ComposeResult<()> {
         self.line_up()?;
         for careful in self.space.careful() {
             let kernel = self.kernel(&self.plan(&careful))?;
             self.passed(&kernel);
         }
         while let Some(entry) = self.next() {
-            if Instant::now() > deadline && self.tried.len() >= FEWEST {
+            let is_late = Instant::now() > deadline && self.tried.len() >= FEWEST;
+            if is_late || self.cheapest().is_some_and(|cheapest| cheapest <= entry.expected) {
                 break;
             }
-            if self.try_one(entry)? {
-                return Ok(true);
-            }
+            self.try_one(entry)?;
             told();
+        }
+        if self.cheapest().is_some() {
+            return Ok(());
         }
         // Out of time, or of candidates: what is careful is worth a last look.
         for candidate in self.space.careful() {
-            let is_new = !self.tried.iter().any(|tried| tried.row.candidate == candidate);
-            if is_new && self.try_one(Entry { candidate, expected: 0.0, after: None })? {
-                return Ok(true);
+            if self.cheapest().is_none() && !self.tried.iter().any(|tried| tried.row.candidate == candidate) {
+                self.try_one(Entry { candidate, expected: 0.0, after: None })?;
             }
         }
-        Ok(false)
+        Ok(())
+    }
+
+    /// The least cost of those that keep the budget.
+    fn cheapest(&self) -> Option<f64> {
+        let within = self.tried.iter().filter(|tried| tried.excess <= 1.0);
+        within.map(|tried| tried.row.cost).min_by(f64::total_cmp)
     }
 
     /// All kinds at their cheapest.
@@ -203,8 +211,8 @@ impl<'a> Race<'a> {
         Some(self.open.remove(cheapest))
     }
 
-    /// Marches with a candidate; true where it keeps the budget.
-    fn try_one(&mut self, entry: Entry) -> ComposeResult<bool> {
+    /// Marches with a candidate.
+    fn try_one(&mut self, entry: Entry) -> ComposeResult<()> {
         let candidate = entry.candidate;
         let kernel = self.kernel(&self.plan(&candidate))?;
         let work = Work::of(self.subject.arena, &kernel);
@@ -222,7 +230,7 @@ impl<'a> Race<'a> {
             error: judged.median_error,
             estimates: judged.estimates,
             cost,
-            verdict: if excess <= 1.0 { Verdict::Chosen } else { Verdict::Fails(why) },
+            verdict: Verdict::Fails(if excess <= 1.0 { "costs more".to_string() } else { why }),
         };
         if self.tried.is_empty() {
             // Now it is known how many estimates a ray takes.
@@ -230,10 +238,12 @@ impl<'a> Race<'a> {
             self.open.iter_mut().for_each(|open| open.expected *= scale);
         }
         if excess > 1.0 {
-            self.add_neighbours(&row, excess, entry.after);
+            let lost_thin = judged.missed_thin * judged.thin as f64;
+            let is_thin = 2.0 * lost_thin >= judged.missed * judged.hits as f64;
+            self.add_neighbours(&row, excess, is_thin, entry.after);
         }
         self.tried.push(Tried { row, excess });
-        Ok(excess <= 1.0)
+        Ok(())
     }
 
     /// Where the budget is broken, in words, and by how much.
@@ -249,6 +259,8 @@ impl<'a> Race<'a> {
         let stops = judged.hits;
         let checks = [
             (expected(missed, hits) / (MARGIN * budget.missed).max(1e-9), "misses too much"),
+            // What no march finds is known to the truth alone.
+            (judged.missed / budget.missed.max(1e-9), "misses too much"),
             (expected(judged.early, stops) / budget.early.max(1e-9), "stops too early"),
             (judged.median_error / budget.error.max(1e-9), "depths are off"),
         ];
@@ -264,9 +276,11 @@ impl<'a> Race<'a> {
         self.compared.passed(&ends, |t| scale.footprint(t))
     }
 
-    /// The more careful neighbours of a candidate that failed. What did not help once is not tried further.
-    fn add_neighbours(&mut self, row: &Row, excess: f64, after: Option<(Axis, f64)>) {
+    /// The more careful neighbours of a candidate that failed; `is_thin` says that what it missed is mostly thin. What did
+    /// not help once is not tried further.
+    fn add_neighbours(&mut self, row: &Row, excess: f64, is_thin: bool, after: Option<(Axis, f64)>) {
         let candidate = row.candidate;
+        let is_hopeless = excess > HOPELESS && !is_thin;
         let helps = |axis: Axis| after.is_none_or(|(last, before)| last != axis || excess < HELP * before);
         let below = |list: &[f64], value: f64, skip: usize| {
             let smaller: Vec<f64> = list.iter().copied().filter(|x| *x < value).collect();
@@ -276,13 +290,13 @@ impl<'a> Race<'a> {
         let is_proof = candidate.method.is_some_and(Method::is_certified);
         if helps(Axis::Fudge)
             && !is_proof
-            && let Some(fudge) = below(&self.space.fudges, candidate.fudge, usize::from(excess > HOPELESS))
+            && let Some(fudge) = below(&self.space.fudges, candidate.fudge, usize::from(is_hopeless))
         {
             let expected = row.cost * (candidate.fudge / fudge).powf(COST_OF_FUDGE);
             self.add(Candidate { fudge, ..candidate }, expected, (Axis::Fudge, excess));
         }
         if helps(Axis::LeastStep)
-            && excess <= HOPELESS
+            && !is_hopeless
             && let Some(least_step) = below(&self.space.least_steps, candidate.least_step, 0)
         {
             let expected = row.cost * COST_OF_LEAST_STEP;
@@ -298,15 +312,15 @@ impl<'a> Race<'a> {
         }
     }
 
-    /// The choice and all evidence. Where nothing kept the budget, the least bad is chosen.
+    /// The choice and all evidence: the cheapest that keeps the budget; where none does, the least bad.
     pub(super) fn finish(mut self) -> (Candidate, Vec<Row>) {
-        if !self.tried.iter().any(|tried| tried.row.is_chosen()) {
-            let by_excess = |a: &&mut Tried, b: &&mut Tried| {
-                a.excess.total_cmp(&b.excess).then(a.row.cost.total_cmp(&b.row.cost))
-            };
-            if let Some(least_bad) = self.tried.iter_mut().min_by(by_excess) {
-                least_bad.row.verdict = Verdict::Chosen;
-            }
+        let badness = |tried: &Tried| (tried.excess.max(1.0), tried.row.cost);
+        let order = |a: &&mut Tried, b: &&mut Tried| {
+            let (a, b) = (badness(a), badness(b));
+            a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
+        };
+        if let Some(best) = self.tried.iter_mut().min_by(order) {
+            best.row.verdict = Verdict::Chosen;
         }
         let rows: Vec<Row> = self.tried.into_iter().map(|tried| tried.row).collect();
         let chosen = rows.iter().find(|row| row.is_chosen()).map(|row| row.candidate);
