@@ -2,9 +2,9 @@
 
 use super::{Options, Row};
 use crate::check::Subject;
-use crate::graph::Method;
 use crate::check::health::{Finding, Kind, Severity, check_steps};
 use crate::diag::Diagnostic;
+use crate::graph::Method;
 
 /// The warning for a choice that is only the least bad.
 pub(super) fn warning(subject: &Subject, options: &Options, row: &Row) -> Result<String, Diagnostic> {
@@ -21,7 +21,11 @@ pub(super) fn warning(subject: &Subject, options: &Options, row: &Row) -> Result
     );
     let health = check_steps(subject)?;
     let uses_rules = matches!(row.candidate.method, Some(Method::Scalar | Method::Combined));
-    let culprit = health.findings.iter().filter(|f| is_cause(f) && (uses_rules || f.kind != Kind::Rule)).max_by_key(|f| (rank(f.kind), f.severity));
+    let culprit = health
+        .findings
+        .iter()
+        .filter(|f| is_cause(f) && (uses_rules || f.kind != Kind::Rule))
+        .max_by_key(|f| (rank(f.kind), f.severity));
     Ok(match culprit {
         Some(finding) => format!("{what}. The cause is likely this: {}. What helps: {}", finding.message, finding.help),
         None => format!(

@@ -57,7 +57,8 @@ pub fn key(subject: &Subject, options: &Options) -> Result<String, Diagnostic> {
         }
     }
     let Options { budget, wanted, camera, size, primary_rays: _, target, time: _, seed, cache: _ } = options;
-    let _ = write!(text, "{budget:?} {wanted:?} {camera:?} {size:?} {target:?} {seed} {}", subject.plan.bounding_radius);
+    let _ =
+        write!(text, "{budget:?} {wanted:?} {camera:?} {size:?} {target:?} {seed} {}", subject.plan.bounding_radius);
     Ok(format!("{:032x}.json", fnv(text.as_bytes())))
 }
 

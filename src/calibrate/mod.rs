@@ -184,7 +184,8 @@ pub fn calibrate(
 ) -> Result<Calibration, Diagnostic> {
     let start = Instant::now();
     let space = Space::new(subject, &options.wanted);
-    let is_calibrated = crate::compose::field_orbits(&subject.composer()).iter().any(|o| o.settings.estimate.calibrated);
+    let is_calibrated =
+        crate::compose::field_orbits(&subject.composer()).iter().any(|o| o.settings.estimate.calibrated);
     if is_calibrated || space.is_decided() {
         let origin = if is_calibrated { Origin::File } else { Origin::Fixed };
         return Ok(without_measuring(subject, origin, start));

@@ -8,7 +8,7 @@
 use std::time::{Duration, Instant};
 
 use super::{BESIDES_PRIMARY, Candidate, Options, Row, Space, Verdict};
-use crate::check::truth::{End, Judgement, Truths, candidate as candidate_march, ends, ray_columns, view_rays, Scale};
+use crate::check::truth::{End, Judgement, Scale, Truths, candidate as candidate_march, ends, ray_columns, view_rays};
 use crate::check::{Backends, Subject};
 use crate::compose::{ComposeResult, Plan};
 use crate::graph::Method;
@@ -73,7 +73,8 @@ impl Compared {
             *known = end.depth().unwrap_or(f64::INFINITY).min(*known);
         }
         let pairs = || self.known.iter().zip(ends).filter(|(known, _)| known.is_finite());
-        let is_passed = |known: f64, end: &End| end.depth().is_none_or(|t| t > known + BEHIND_FOOTPRINTS * footprint(known));
+        let is_passed =
+            |known: f64, end: &End| end.depth().is_none_or(|t| t > known + BEHIND_FOOTPRINTS * footprint(known));
         [pairs().count(), pairs().filter(|(known, end)| is_passed(**known, end)).count()]
     }
 }
@@ -116,10 +117,8 @@ pub(super) fn time_of_render(subject: &Subject, options: &Options, space: &Space
 fn march(subject: &Subject, options: &Options, scale: Scale, plan: &Plan) -> ComposeResult<Kernel> {
     let least = options.target.min_difference();
     let plan = in_precision(plan.clone(), least);
-    let settings = MarchSettings {
-        max_march_steps: MAX_MARCH_STEPS,
-        ..MarchSettings::of_plan(&plan, scale.pixel_radius, least)
-    };
+    let settings =
+        MarchSettings { max_march_steps: MAX_MARCH_STEPS, ..MarchSettings::of_plan(&plan, scale.pixel_radius, least) };
     candidate_march(&subject.composer(), &plan.choices, &settings)
 }
 

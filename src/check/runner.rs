@@ -181,7 +181,12 @@ impl<'a> Runner<'a> {
         }
         let calibrated_name = format!("{name}::calibrated::{}", Target::CpuF64.name());
         let is_calibrated = has_calibrated_estimate(graph);
-        let names: Vec<String> = cases.iter().map(|(name, ..)| name.clone()).chain([wgsl_name.clone()]).chain(is_calibrated.then(|| calibrated_name.clone())).collect();
+        let names: Vec<String> = cases
+            .iter()
+            .map(|(name, ..)| name.clone())
+            .chain([wgsl_name.clone()])
+            .chain(is_calibrated.then(|| calibrated_name.clone()))
+            .collect();
         if !self.wants(&names) {
             return;
         }

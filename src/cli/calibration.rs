@@ -81,7 +81,11 @@ pub fn table(calibration: &Calibration) -> String {
         return text;
     }
     let cheapest = calibration.evidence.iter().find(|row| row.is_chosen()).map_or(1.0, |row| row.cost.max(1e-9));
-    let _ = writeln!(text, "  {:<24}{:>6}{:>9}{:>9}{:>9}{:>9}{:>11}{:>7}", "candidate", "fudge", "shortest", "missed", "early", "error", "estimates", "cost");
+    let _ = writeln!(
+        text,
+        "  {:<24}{:>6}{:>9}{:>9}{:>9}{:>9}{:>11}{:>7}",
+        "candidate", "fudge", "shortest", "missed", "early", "error", "estimates", "cost"
+    );
     for row in &calibration.evidence {
         let verdict = match &row.verdict {
             Verdict::Chosen if calibration.is_within => "chosen",

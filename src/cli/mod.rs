@@ -7,10 +7,10 @@
 mod arguments;
 mod audit;
 mod backend;
-#[cfg(feature = "chart")]
-mod chart;
 mod calibrate;
 mod calibration;
+#[cfg(feature = "chart")]
+mod chart;
 mod check;
 mod compile;
 mod docs;

@@ -182,7 +182,9 @@ fn compose(
         size: settings.size,
         camera: graph.camera,
         precision,
-        primary_rays: u64::from(settings.size.width) * u64::from(settings.size.height) * u64::from(settings.samples).pow(2),
+        primary_rays: u64::from(settings.size.width)
+            * u64::from(settings.size.height)
+            * u64::from(settings.samples).pow(2),
         quiet: arguments.quiet,
     };
     let calibration = choose_estimate(session, &graph, arena, &wish)?;

@@ -4,7 +4,9 @@
 use super::orbit::{compose_growth, scalar_rules, steps_of};
 use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
-use crate::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, LEAST_STEP, Method, NodeKind, NodeRef, Primitive};
+use crate::graph::{
+    DeForm, Difference, DifferenceStep, EstimateSettings, LEAST_STEP, Method, NodeKind, NodeRef, Primitive,
+};
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
 

@@ -186,7 +186,16 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
     let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, forward.min(ray.t_far)));
     if settings.certified {
-        let steps = certified::Steps { shortest: hit_eps * settings.least_step, hit_eps, de: usable, t_outside, t_inside, hit, miss, crossed };
+        let steps = certified::Steps {
+            shortest: hit_eps * settings.least_step,
+            hit_eps,
+            de: usable,
+            t_outside,
+            t_inside,
+            hit,
+            miss,
+            crossed,
+        };
         certified::advance(&mut function, &ray, &steps, status, t);
         return function;
     }
