@@ -40,6 +40,9 @@ const BEHIND_FOOTPRINTS: f64 = 2.0;
 /// Beyond this many times the budget, and where it is not thin things that are missed, a candidate's next smaller step
 /// multiplier is passed over, and shorter least steps are not tried.
 const HOPELESS: f64 = 6.0;
+/// Hits with a truth from which on methods that follow the ray's direction alone are trusted: what they miss, others that are
+/// as cheap often miss, too, and then only the truth knows.
+const HITS_OF_ONE_DIRECTION: usize = 300;
 /// What is not at least so much better is no help.
 const HELP: f64 = 0.8;
 
@@ -182,7 +185,11 @@ impl<'a> Race<'a> {
     /// All kinds at their cheapest.
     fn line_up(&mut self) -> ComposeResult<()> {
         let (fudge, least_step) = (self.space.fudges[0], self.space.least_steps[0]);
+        let is_trusted = self.truths.counts()[0] >= HITS_OF_ONE_DIRECTION || self.space.kinds.len() == 1;
         for (method, form) in self.space.kinds.clone() {
+            if !is_trusted && matches!(method, Some(Method::Directional | Method::DeltaRay)) {
+                continue;
+            }
             let candidate = Candidate { method, form, fudge, least_step };
             let plan = self.plan(&candidate);
             let work = Work::of(self.subject.arena, &self.kernel(&plan)?);
