@@ -10,8 +10,8 @@
 //!    (f64, wide f32) and generated WGSL.
 //! 6. [`compose`]: from a graph to distance estimators, with the method and form that suit it.
 //! 7. [`march`], [`shade`], [`film`]: rays to hits, hits to colours, colours to a picture.
-//! 8. [`load`] and [`render`] join the stages, [`precision`] says which one a view needs; [`check`] tests formulas and measures estimates, `chart` draws what was
-//!    measured.
+//! 8. [`load`] and [`render`] join the stages, [`precision`] says which one a view needs; [`check`] tests formulas and
+//!    measures estimates, [`calibrate`] chooses by what was measured, `chart` draws it and `view` shows it pixel by pixel.
 //!
 //! Testing a formula of your own takes a few lines:
 //!
@@ -27,6 +27,7 @@
 //! ```
 #![warn(missing_docs)]
 
+pub mod calibrate;
 #[cfg(feature = "chart")]
 pub mod chart;
 pub mod check;

@@ -82,21 +82,20 @@ impl Pipeline {
 
 /// Composes the kernels of a fractal's picture.
 pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Result<Pipeline, Diagnostic> {
-    let mut plan = choose(composer, &settings.estimate)?;
-    plan.choices.iter_mut().for_each(|choice| choice.unit = unit_of(settings.min_difference));
+    compose_planned(composer, settings, choose(composer, &settings.estimate)?)
+}
+
+/// Composes the kernels of a fractal's picture with the estimates of a plan; `settings.estimate` is not asked.
+pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan: Plan) -> Result<Pipeline, Diagnostic> {
+    plan = in_precision(plan, settings.min_difference);
     let camera = composer.graph.camera.unwrap_or_else(|| shade::frame_automatically(plan.bounding_radius));
     let look: &Look = &composer.graph.look;
     let arena = composer.arena;
     let frame = CameraFrame::new(&camera);
     let pixel_radius = shade::pixel_radius(&camera, settings.size);
     let march = MarchSettings {
-        fudge: plan.fudge,
-        pixel_radius: pixel_radius * settings.detail,
-        hit_eps: 0.0,
         max_march_steps: settings.max_march_steps,
-        min_difference: settings.min_difference,
-        certified: plan.is_certified(),
-        difference_step: plan.difference_step,
+        ..MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference)
     };
     let choices: &[Choice] = &plan.choices;
     let estimator = compose_estimator(composer, choices, Purpose::March)?;
@@ -116,6 +115,12 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
         encode: Kernel::Map(shade::compose_encode(arena)),
         plan,
     })
+}
+
+/// The plan as it is run in the precision that a least step of finite differences belongs to.
+pub fn in_precision(mut plan: Plan, min_difference: f64) -> Plan {
+    plan.choices.iter_mut().for_each(|choice| choice.unit = unit_of(min_difference));
+    plan
 }
 
 /// The relative error of one operation in the precision that a least step of finite differences belongs to.

@@ -291,3 +291,33 @@ fn an_audit_says_what_is_proven_and_what_was_missed() {
     assert!(row("rays").ends_with("100") && row("missed hits").contains("0 (0.00 %)"), "{text}");
     assert!(!stderr(&output).contains('\u{1b}'), "no colours where there is no terminal");
 }
+
+#[test]
+fn calibrations_are_shown_kept_and_switched_off() {
+    let folder = folder();
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
+        command.args(arguments).current_dir(folder.path()).env("NO_COLOR", "1").stdin(Stdio::null());
+        command.env("BULBFOLD_CACHE", folder.path().join("cache")).output().expect("the program starts")
+    };
+    let render = ["render", "menger", "--size", "64x48", "--backend", "cpu", "--stats", "-q"];
+    let first = run(&render);
+    assert_eq!(code(&first), 0, "{}", stderr(&first));
+    assert!(stderr(&first).contains("candidate") && stderr(&first).contains("chosen"), "{}", stderr(&first));
+    assert!(stderr(&run(&render)).contains("kept from an earlier run"));
+    let off = run(&[&render[..], &["--calibrate", "off"]].concat());
+    assert!(stderr(&off).contains("switched off") && !stderr(&off).contains("candidate"), "{}", stderr(&off));
+    let fixed = ["--de", "scalar", "--form", "linear", "--fudge", "0.8", "--least-step", "0.25"];
+    assert!(stderr(&run(&[&render[..], &fixed].concat())).contains("nothing left to choose"));
+
+    let shown = run(&["calibrate", "menger", "--size", "64x48", "--json"]);
+    let value = &json_lines(&shown)[0];
+    assert!(value["within_budget"].as_bool().unwrap() && value["rays"].as_u64().unwrap() > 0, "{value}");
+    let chosen = value["candidates"].as_array().unwrap().iter().filter(|row| row["why_not"].is_null());
+    assert_eq!(chosen.count(), 1);
+
+    for budget in ["0.5", "0%", "200%", "1%,2%,3,4", "1%,2%,-1"] {
+        let refused = run(&["render", "menger", "--error-budget", budget]);
+        assert_eq!(code(&refused), 2, "{budget}: {}", stderr(&refused));
+    }
+}

@@ -18,6 +18,7 @@ const ORDER: &[&str] = &[
     "precision",
     "load",
     "check",
+    "calibrate",
     "chart",
     "view",
     "cli",

@@ -1,7 +1,7 @@
 //! Brute force is right where the answer is known, and says which marches are not.
 
 use bulbfold::check::exact::{Limit, ball_depth, polytope_depth};
-use bulbfold::check::truth::{Members, Ray, Scale, Truth, Truths, candidate, march_rays, point, view_rays};
+use bulbfold::check::truth::{Budget, Members, Ray, Scale, Truth, Truths, candidate, march_rays, point, view_rays};
 use bulbfold::check::{Formula, Random};
 use bulbfold::graph::{Camera, Method};
 use bulbfold::kernel::cpu::{Cpu, Precision};
@@ -215,7 +215,7 @@ fn a_march_that_overestimates_is_seen() {
     let wrong = march(&formula, &truths, Method::Scalar, 1.0, -30.0);
     assert!(right.missed < 0.005 && right.early < 0.05 && right.median_error < 0.5, "{right:?}");
     assert!(wrong.missed > 0.1, "{wrong:?}");
-    assert!(right.is_within(0.005, 0.05, 0.5) && !wrong.is_within(0.005, 0.05, 0.5));
+    assert!(right.is_within(&Budget::default()) && !wrong.is_within(&Budget::default()));
     let slow = march(&formula, &truths, Method::Scalar, 0.5, 3f64.sqrt());
     assert!(slow.estimates > 1.3 * right.estimates, "{} {}", slow.estimates, right.estimates);
 }

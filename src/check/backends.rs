@@ -8,6 +8,7 @@ use crate::kernel::cpu::{Cpu, Precision};
 #[cfg(feature = "gpu")]
 use crate::kernel::gpu::{AdapterWanted, Gpu};
 use crate::kernel::{Backend, BackendError, Kernel};
+use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
 use crate::render::{Pipeline, RenderSettings, Renderer};
 
 /// One back end in one precision.
@@ -29,6 +30,11 @@ impl Target {
             Target::CpuF32 => "cpu_f32",
             Target::Gpu => "gpu",
         }
+    }
+
+    /// Least step of finite differences, as a share of the larger of 1 and the point's coordinates.
+    pub fn min_difference(self) -> f64 {
+        if self == Target::CpuF64 { MIN_DIFFERENCE_F64 } else { MIN_DIFFERENCE_F32 }
     }
 
     /// Relative error (absolute below 1) that an estimate may have on top of a test's own tolerance.

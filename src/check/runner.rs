@@ -10,14 +10,16 @@ use super::formula::rendered;
 use super::report::{Outcome, Report, Verdict};
 use super::steps::StepCase;
 use super::subject::Subject;
+use super::truth::Budget;
 use crate::diag::{Diagnostics, Sources, Span};
 use crate::expr::Arena;
 use crate::formula::library::Library;
 use crate::formula::step::{ScalarRule, Step};
-use crate::graph::ValidGraph;
+use crate::graph::{NodeKind, ValidGraph};
 use crate::kernel::wgsl;
 use crate::load::load;
 use crate::render::{RenderSettings, compose_pipeline};
+use crate::shade::Size;
 
 /// Set to 1, a machine without a GPU adapter fails its tests instead of leaving them out.
 const REQUIRE_GPU: &str = "BULBFOLD_REQUIRE_GPU";
@@ -177,7 +179,14 @@ impl<'a> Runner<'a> {
                 cases.push((format!("{name}::{}::{}", label(&test.kind), target.name()), test, *target));
             }
         }
-        let names: Vec<String> = cases.iter().map(|(name, ..)| name.clone()).chain([wgsl_name.clone()]).collect();
+        let calibrated_name = format!("{name}::calibrated::{}", Target::CpuF64.name());
+        let is_calibrated = has_calibrated_estimate(graph);
+        let names: Vec<String> = cases
+            .iter()
+            .map(|(name, ..)| name.clone())
+            .chain([wgsl_name.clone()])
+            .chain(is_calibrated.then(|| calibrated_name.clone()))
+            .collect();
         if !self.wants(&names) {
             return;
         }
@@ -187,6 +196,9 @@ impl<'a> Runner<'a> {
             Err(error) => return self.run(format!("{name}::composes"), None, || Err(rendered(error, library))),
         };
         self.run(wgsl_name, None, || check_wgsl(&subject));
+        if is_calibrated {
+            self.run(calibrated_name, None, || check_calibration(&subject));
+        }
         for (name, test, target) in cases {
             let place = place_of(&library.sources, test.span);
             let backends = std::mem::replace(&mut self.backends, Backends::cpu_only());
@@ -239,6 +251,40 @@ fn example_place(library: &Library, step: &Step, index: usize) -> String {
     let at = text.match_indices("expect:").nth(index).map_or(0, |(at, _)| at);
     let line = text[..at].matches('\n').count() + 1;
     format!("{}:{line}", library.sources.name(step.text))
+}
+
+/// Rays of a small picture that an estimate which a file calls calibrated is checked on.
+const CALIBRATED_RAYS: usize = 600;
+const CALIBRATED_SIZE: Size = Size { width: 320, height: 240 };
+
+fn has_calibrated_estimate(graph: &ValidGraph) -> bool {
+    let calibrated = |kind: &NodeKind| matches!(kind, NodeKind::Orbit { settings, .. } if settings.estimate.calibrated);
+    graph.nodes.iter().any(|node| calibrated(&node.kind))
+}
+
+/// Marches the file's view as the file says and compares with the truth.
+fn check_calibration(subject: &Subject) -> Result<(), String> {
+    let settings = RenderSettings {
+        size: CALIBRATED_SIZE,
+        min_difference: Target::CpuF64.min_difference(),
+        ..RenderSettings::default()
+    };
+    let judged = super::truth::judge(subject, CALIBRATED_RAYS, &settings)?;
+    let budget = Budget::default();
+    if judged.is_within(&budget) {
+        return Ok(());
+    }
+    Err(format!(
+        "the estimate is said to be calibrated, but of {} hits {:.2} % are missed (allowed are {:.2} %), {:.2} % of the stops \
+         are early ({:.2} %), and the median depth error is {:.3} footprints ({}); `bulbfold calibrate` measures it anew",
+        judged.hits,
+        100.0 * judged.missed,
+        100.0 * budget.missed,
+        100.0 * judged.early,
+        100.0 * budget.early,
+        judged.median_error,
+        budget.error
+    ))
 }
 
 /// Writes all kernels of a picture as WGSL and lets naga validate them.

@@ -1,5 +1,6 @@
 //! Arguments that several commands take, and how they are read.
 
+use bulbfold::calibrate::Budget;
 use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method};
 use bulbfold::kernel::cpu::Precision;
 use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
@@ -147,6 +148,56 @@ pub struct EstimateArgs {
     /// Step of finite differences: a length in world units, or a percentage of the estimate [default: 1%]
     #[arg(long, value_name = "H", value_parser = parse_difference_step)]
     pub difference_step: Option<DifferenceStep>,
+    /// Shortest step of a ray as a share of the hit threshold, above 0 and at most 1 [default: 0.25]
+    #[arg(long, value_name = "S", value_parser = parse_fudge)]
+    pub least_step: Option<f64>,
+}
+
+/// The distance estimate, where it can be measured.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct AutoArgs {
+    #[command(flatten)]
+    pub estimate: EstimateArgs,
+    /// Measure which estimate is the cheapest that keeps the error budget, or go by rules
+    #[arg(long, value_name = "on|off", default_value = "on", value_parser = parse_switch)]
+    pub calibrate: Switch,
+    /// Errors that are allowed: hits missed, stops too early, median depth error in footprints
+    #[arg(long, value_name = "M%,E%,D", default_value = "0.5%,5%,0.5", value_parser = parse_budget)]
+    pub error_budget: Budget,
+}
+
+/// `on` or `off`.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Switch(pub bool);
+
+fn parse_switch(text: &str) -> Result<Switch, String> {
+    match text {
+        "on" => Ok(Switch(true)),
+        "off" => Ok(Switch(false)),
+        _ => Err("write on or off".into()),
+    }
+}
+
+/// Reads `missed%,early%,error`; what is left out at the end keeps its default.
+fn parse_budget(text: &str) -> Result<Budget, String> {
+    let share = |text: &str| {
+        let percent = text.trim().strip_suffix('%').ok_or("shares are percentages such as 0.5%")?;
+        match parse_positive(percent)? {
+            percent if percent <= 100.0 => Ok(percent / 100.0),
+            _ => Err("it must be at most 100%".to_string()),
+        }
+    };
+    let mut budget = Budget::default();
+    let parts: Vec<&str> = text.split(',').collect();
+    match parts[..] {
+        [missed] => budget.missed = share(missed)?,
+        [missed, early] => (budget.missed, budget.early) = (share(missed)?, share(early)?),
+        [missed, early, error] => {
+            (budget.missed, budget.early, budget.error) = (share(missed)?, share(early)?, parse_positive(error)?);
+        }
+        _ => return Err("write up to three numbers such as 0.5%,5%,0.5".into()),
+    }
+    Ok(budget)
 }
 
 impl EstimateArgs {
@@ -158,6 +209,7 @@ impl EstimateArgs {
             fudge: self.fudge,
             difference: self.difference,
             step: self.difference_step,
+            least_step: self.least_step,
             ..EstimateSettings::default()
         }
     }
@@ -249,13 +301,23 @@ pub fn parse_size(text: &str) -> Result<Size, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::{parse_set, parse_size, parse_vector};
+    use super::{parse_budget, parse_set, parse_size, parse_vector};
 
     #[test]
     fn sizes_are_checked() {
         assert!(parse_size("64x48").is_ok_and(|s| s.width == 64 && s.height == 48));
         for wrong in ["0x1", "16385x1", "64", "axb", "-1x4", "99999999999x1", ""] {
             assert!(parse_size(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn budgets_are_two_shares_and_a_number() {
+        assert_eq!(parse_budget("1%").unwrap().missed, 0.01);
+        let budget = parse_budget("0.1%, 2%, 0.25").unwrap();
+        assert_eq!((budget.missed, budget.early, budget.error), (0.001, 0.02, 0.25));
+        for wrong in ["", "1", "101%", "-1%", "0%", "1%,1%,x", "1%,1%,1,1", "nan%"] {
+            assert!(parse_budget(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -7,6 +7,8 @@
 mod arguments;
 mod audit;
 mod backend;
+mod calibrate;
+mod calibration;
 #[cfg(feature = "chart")]
 mod chart;
 mod check;
@@ -65,6 +67,8 @@ enum Command {
     Test(test::Arguments),
     /// Look for what is wrong in a formula or step.
     Check(check::Arguments),
+    /// Measure which estimate is the cheapest that keeps an error budget, and say why.
+    Calibrate(calibrate::Arguments),
     /// March rays by brute force and compare the estimate with that.
     Truth(truth::Arguments),
     /// Print what the formula says at points or along rays, as text or JSON lines.
@@ -148,6 +152,7 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::Compile(arguments) => compile::run(arguments, &mut Session::new(folders)?, out),
         Command::Test(arguments) => test::run(arguments, &mut Session::new(folders)?, out),
         Command::Check(arguments) => check::run(arguments, &mut Session::new(folders)?, out),
+        Command::Calibrate(arguments) => calibrate::run(arguments, &mut Session::new(folders)?, out),
         Command::Truth(arguments) => truth::run(arguments, &mut Session::new(folders)?, out),
         Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
         #[cfg(feature = "chart")]

@@ -9,11 +9,13 @@ use bulbfold::expr::Arena;
 use bulbfold::graph::{Method, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError, Estimator, Kernel, Status, inwards, march_output_ports};
 use bulbfold::march::{MarchSettings, compose_march};
+use bulbfold::render::{RenderSettings, in_precision};
 use clap::{ArgGroup, Args};
 use serde_json::{Map, Value, json};
 
-use super::arguments::{BackendArg, EstimateArgs, FormulaArgs, PrecisionArg, parse_positive, parse_vector};
+use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PrecisionArg, parse_positive, parse_vector};
 use super::backend::{Job, Wanted, run_job};
+use super::calibration::{Wish, choose_estimate};
 use super::points::read_rows;
 use super::{Failure, Outcome, Session, usage};
 
@@ -54,7 +56,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
     #[command(flatten)]
-    estimate: EstimateArgs,
+    estimate: AutoArgs,
     /// Hit threshold of rays in world units, the same at every distance
     #[arg(long, value_name = "E", conflicts_with = "pixel_radius", value_parser = parse_positive)]
     hit_eps: Option<f64>,
@@ -99,7 +101,7 @@ impl Probe<'_> {
     }
 
     fn plan(&self) -> Result<Plan, Failure> {
-        let plan = choose(&self.composer(), &self.arguments.estimate.settings());
+        let plan = choose(&self.composer(), &self.arguments.estimate.estimate.settings());
         let plan = plan.map_err(|diagnostic| self.session.failure(diagnostic))?;
         for warning in &plan.warnings {
             self.session.warn(warning);
@@ -112,21 +114,23 @@ impl Probe<'_> {
     }
 
     fn rays(&self, rays: &[[f64; 6]], out: &mut dyn Write) -> Outcome {
-        let plan = self.plan()?;
+        let wish = Wish {
+            estimate: &self.arguments.estimate,
+            size: RenderSettings::default().size,
+            camera: None,
+            precision: self.precision,
+            primary_rays: 0,
+            quiet: true,
+        };
+        let plan = choose_estimate(self.session, self.graph, self.arena, &wish)?.plan;
+        let plan = in_precision(plan, self.precision.min_difference());
         let estimator = compose_estimator(&self.composer(), &plan.choices, Purpose::March);
         let estimator = estimator.map_err(|diagnostic| self.session.failure(diagnostic))?;
+        let default = if self.arguments.hit_eps.is_some() { 0.0 } else { 1e-3 };
+        let pixel_radius = self.arguments.pixel_radius.unwrap_or(default);
         let settings = MarchSettings {
-            fudge: plan.fudge,
-            pixel_radius: self.arguments.pixel_radius.unwrap_or(if self.arguments.hit_eps.is_some() {
-                0.0
-            } else {
-                1e-3
-            }),
             hit_eps: self.arguments.hit_eps.unwrap_or(0.0),
-            min_difference: self.precision.min_difference(),
-            certified: plan.is_certified(),
-            difference_step: plan.difference_step,
-            ..MarchSettings::default()
+            ..MarchSettings::of_plan(&plan, pixel_radius, self.precision.min_difference())
         };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
         let columns = ray_columns(rays, plan.bounding_radius)?;

@@ -6,20 +6,22 @@ use std::rc::Rc;
 #[cfg(feature = "chart")]
 use std::time::Instant;
 
-use bulbfold::compose::Composer;
+use bulbfold::calibrate::Calibration;
+use bulbfold::compose::{Composer, choose};
 use bulbfold::expr::Arena;
 use bulbfold::film::Image;
 use bulbfold::graph::{Camera, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError};
 use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
-use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_pipeline};
-use bulbfold::shade::{self, Size};
+use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_pipeline, compose_planned};
+use bulbfold::shade::{self, Size, frame_automatically};
 use clap::Args;
 
 use super::arguments::{
-    BackendArg, EstimateArgs, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector,
+    AutoArgs, BackendArg, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector,
 };
 use super::backend::{Job, Wanted, run_job};
+use super::calibration::{Wish, choose_estimate};
 use super::progress::{Progress, short};
 use super::session::{check_output, talk};
 #[cfg(feature = "chart")]
@@ -57,7 +59,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = PicturePrecision::Auto)]
     precision: PicturePrecision,
     #[command(flatten)]
-    estimate: EstimateArgs,
+    estimate: AutoArgs,
     #[command(flatten)]
     camera: CameraArgs,
     /// Print what was chosen and counted, to stderr
@@ -138,10 +140,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     }
     let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
     let arena = Rc::new(Arena::default());
-    let Fitted { settings, pipeline, precision } = fit(session, arguments, asked, &arena, &graph)?;
-    for warning in &pipeline.plan.warnings {
-        session.warn(warning);
-    }
+    let Fitted { graph, settings, pipeline, precision, calibration } = fit(session, arguments, asked, &arena, graph)?;
     #[cfg(feature = "chart")]
     if let Some(ViewArg(view)) = arguments.view {
         let request = Request {
@@ -170,6 +169,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         backend: &backend,
         settings: &settings,
         pipeline: &pipeline,
+        calibration: &calibration,
         stats: &stats,
     };
     if arguments.json {
@@ -184,36 +184,49 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     Ok(())
 }
 
-/// A picture's kernels in the precision that its view needs.
+/// A picture's kernels, with the estimate and the precision that its view needs.
 struct Fitted {
+    graph: ValidGraph,
     settings: RenderSettings,
     pipeline: Pipeline,
     precision: PrecisionArg,
+    calibration: Calibration,
 }
 
-/// Composes the kernels; again where the view is too close for the precision that was asked for.
+/// Settles the view, then the precision that it needs (by rays of a march by rules), then the estimate.
 fn fit(
     session: &Session,
     arguments: &Arguments,
     asked: PrecisionArg,
     arena: &Rc<Arena>,
-    graph: &ValidGraph,
+    graph: ValidGraph,
 ) -> Result<Fitted, Failure> {
+    let failed = |diagnostic| session.failure(diagnostic);
     let mut settings = RenderSettings {
         size: arguments.size.unwrap_or_else(|| arguments.default_size()),
         samples: arguments.samples,
         min_difference: asked.min_difference(),
-        estimate: arguments.estimate.settings(),
+        estimate: arguments.estimate.estimate.settings(),
         ..RenderSettings::default()
     };
-    let mut pipeline = compose(session, arena, graph, &settings, &arguments.camera)?;
-    let resolution = resolution(arena, &pipeline, settings.size);
+    let graph = with_view(session, arena, graph, &settings, &arguments.camera)?;
+    let composer = Composer { arena, library: &session.library, graph: &graph };
+    let by_rules = compose_pipeline(&composer, &settings).map_err(failed)?;
+    let resolution = resolution(arena, &by_rules, settings.size);
     let precision = settle_precision(session, arguments, asked, &resolution);
-    if precision != asked {
-        settings.min_difference = precision.min_difference();
-        pipeline = compose(session, arena, graph, &settings, &arguments.camera)?;
-    }
-    Ok(Fitted { settings, pipeline, precision })
+    settings.min_difference = precision.min_difference();
+    let size = settings.size;
+    let wish = Wish {
+        estimate: &arguments.estimate,
+        size,
+        camera: graph.camera,
+        precision,
+        primary_rays: u64::from(size.width) * u64::from(size.height) * u64::from(settings.samples).pow(2),
+        quiet: arguments.quiet,
+    };
+    let calibration = choose_estimate(session, &graph, arena, &wish)?;
+    let pipeline = compose_planned(&composer, &settings, calibration.plan.clone()).map_err(failed)?;
+    Ok(Fitted { graph, settings, pipeline, precision, calibration })
 }
 
 /// The precision of the picture, with a word where the view is too close for one.
@@ -267,25 +280,26 @@ fn output_path(arguments: &Arguments) -> PathBuf {
     })
 }
 
-fn compose(
+/// The graph with the camera that was asked for.
+fn with_view(
     session: &Session,
     arena: &Rc<Arena>,
-    graph: &ValidGraph,
+    graph: ValidGraph,
     settings: &RenderSettings,
     view: &CameraArgs,
-) -> Result<Pipeline, Failure> {
-    let composer = Composer { arena, library: &session.library, graph };
-    let compose =
-        |composer: &Composer| compose_pipeline(composer, settings).map_err(|diagnostic| session.failure(diagnostic));
+) -> Result<ValidGraph, Failure> {
     if view.is_empty() {
-        return compose(&composer);
+        return Ok(graph);
     }
     let base = match graph.camera {
         Some(camera) => camera,
-        None => compose(&composer)?.camera,
+        None => {
+            let composer = Composer { arena, library: &session.library, graph: &graph };
+            let plan = choose(&composer, &settings.estimate).map_err(|diagnostic| session.failure(diagnostic))?;
+            frame_automatically(plan.bounding_radius)
+        }
     };
-    let graph = graph.clone().with_camera(view.apply(base)?);
-    compose(&Composer { graph: &graph, ..composer })
+    Ok(graph.with_camera(view.apply(base)?))
 }
 
 struct RenderJob<'a> {

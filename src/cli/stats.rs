@@ -2,9 +2,12 @@
 
 use std::fmt::Write as _;
 
+use bulbfold::calibrate::Calibration;
 use bulbfold::compose::{Choice, Plan};
 use bulbfold::render::{Pipeline, RenderSettings, Stats};
 use serde_json::{Value, json};
+
+use super::calibration;
 
 /// Version of the JSON object; it grows when a key changes its meaning or goes.
 const VERSION: u32 = 1;
@@ -19,6 +22,8 @@ pub struct Report<'a> {
     pub settings: &'a RenderSettings,
     /// What was chosen.
     pub pipeline: &'a Pipeline,
+    /// How the estimate was chosen.
+    pub calibration: &'a Calibration,
     /// What was counted.
     pub stats: &'a Stats,
 }
@@ -69,6 +74,7 @@ impl Report<'_> {
             },
             "compile_seconds": stats.compile.as_secs_f64(),
             "render_seconds": stats.render.as_secs_f64(),
+            "calibration": calibration::json(self.calibration),
             "warnings": plan.warnings,
         })
     }
@@ -85,6 +91,7 @@ impl Report<'_> {
             row(&name, value);
         }
         row("fudge", plan.fudge.to_string());
+        row("shortest step", format!("{} of the hit threshold", plan.least_step));
         row("bounding radius", format!("{:.4}", plan.bounding_radius));
         let share = |count: u64| format!("{count} ({:.2} %)", 100.0 * ratio(count as f64, stats.rays as f64));
         row("rays", stats.rays.to_string());
@@ -104,6 +111,7 @@ impl Report<'_> {
         );
         row("compile time", format!("{:.3} s", stats.compile.as_secs_f64()));
         row("render time", format!("{:.3} s", stats.render.as_secs_f64()));
+        text.push_str(&calibration::table(self.calibration));
         text
     }
 }

@@ -7,17 +7,19 @@ use std::time::{Duration, Instant};
 
 use bulbfold::check::exact::Limit;
 use bulbfold::check::truth::{End, Judgement, Ray, Scale, Truth, Truths, candidate, march_rays, view_rays};
-use bulbfold::compose::{Composer, Plan, choose};
+use bulbfold::compose::{Composer, Plan};
 use bulbfold::expr::Arena;
 use bulbfold::graph::ValidGraph;
 use bulbfold::kernel::{Backend, BackendError, Kernel};
 use bulbfold::march::MarchSettings;
+use bulbfold::render::in_precision;
 use bulbfold::shade::{Size, frame_automatically};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::{BackendArg, EstimateArgs, FormulaArgs, PrecisionArg, parse_size};
+use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PrecisionArg, parse_size};
 use super::backend::{Job, Wanted, run_job};
+use super::calibration::{Wish, choose_estimate};
 use super::points::read_rows;
 use super::progress::{Progress, short};
 use super::{Failure, Outcome, Session, usage};
@@ -57,7 +59,7 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    estimate: EstimateArgs,
+    estimate: AutoArgs,
     /// Precision of the march that is compared [default: f64]
     #[arg(long, value_enum)]
     precision: Option<PrecisionArg>,
@@ -74,10 +76,15 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
     let arena = Rc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
-    let plan = choose(&composer, &arguments.estimate.settings()).map_err(|error| session.failure(error))?;
-    for warning in &plan.warnings {
-        session.warn(warning);
-    }
+    let wish = Wish {
+        estimate: &arguments.estimate,
+        size: arguments.size,
+        camera: None,
+        precision,
+        primary_rays: 0,
+        quiet: false,
+    };
+    let plan = choose_estimate(session, &graph, &arena, &wish)?.plan;
     let camera = graph.camera.unwrap_or_else(|| frame_automatically(plan.bounding_radius));
     let scale = Scale::of_view(&camera, arguments.size, plan.bounding_radius);
     let rays = given.unwrap_or_else(|| view_rays(&camera, arguments.size, arguments.rays as usize, arguments.seed));
@@ -92,12 +99,8 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let truths = truths.map_err(|error| session.failure(error))?;
     let time = start.elapsed();
 
-    let settings = MarchSettings {
-        fudge: plan.fudge,
-        pixel_radius: scale.pixel_radius,
-        min_difference: precision.min_difference(),
-        ..MarchSettings::default()
-    };
+    let plan = in_precision(plan, precision.min_difference());
+    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, precision.min_difference());
     let march = candidate(&composer, &plan.choices, &settings).map_err(|error| session.failure(error))?;
     let mut job = MarchJob { arena: &arena, march: &march, rays: &truths.rays, radius: scale.bounding_radius };
     let (backend, ends) = run_job(session, arguments.backend, precision, &mut job)?;

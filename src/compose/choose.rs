@@ -4,7 +4,10 @@
 use super::orbit::{compose_growth, scalar_rules, steps_of};
 use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
-use crate::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, NodeKind, NodeRef, Primitive};
+use crate::graph::{
+    DeForm, Difference, DifferenceStep, EstimateSettings, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method, NodeKind, NodeRef,
+    Primitive,
+};
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
 
@@ -66,6 +69,8 @@ pub struct Plan {
     pub bounding_radius: f64,
     /// Step multiplier of the whole field.
     pub fudge: f64,
+    /// Shortest step of a march, as a share of the hit threshold: the least that is asked for.
+    pub least_step: f64,
     /// Step of finite differences: the first that an orbit asks for.
     pub difference_step: DifferenceStep,
     /// What a user should know, for example that a method that was asked for does not apply.
@@ -130,7 +135,11 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     }
     let steps = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).step);
     let difference_step = steps.into_iter().next().unwrap_or_default();
-    Ok(Plan { choices, bounding_radius, fudge, difference_step, warnings })
+    let shares = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).least_step);
+    let least_step = shares.chain(wanted.least_step).reduce(f64::min);
+    let certified = choices.iter().any(|choice| choice.method.is_certified());
+    let least_step = least_step.unwrap_or(if certified { LEAST_STEP_OF_PROOFS } else { LEAST_STEP });
+    Ok(Plan { choices, bounding_radius, fudge, least_step, difference_step, warnings })
 }
 
 fn choose_orbit(

@@ -128,6 +128,17 @@ macro_rules! operators {
                 } ),* }
             }
 
+            /// How many times as long as a product it takes, roughly, on every back end.
+            pub fn weight(self) -> f64 {
+                match self {
+                    Operator::Pow => 16.0,
+                    Operator::Sin | Operator::Cos | Operator::Asin | Operator::Acos | Operator::Atan2 => 12.0,
+                    Operator::Exp | Operator::Ln => 8.0,
+                    Operator::Sqrt | Operator::Div => 3.0,
+                    _ => 1.0,
+                }
+            }
+
             /// The value for one lane in f64; used to fold constants.
             pub fn evaluate_f64(self, a: f64, b: f64, c: f64) -> f64 {
                 match self { $( Operator::$variant => <$variant as Evaluate>::evaluate::<f64>((), a, b, c) ),* }

@@ -19,7 +19,8 @@ pub use overrides::Override;
 pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
-    Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, Look, Method, OrbitSettings,
+    Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, LEAST_STEP, LEAST_STEP_OF_PROOFS, Look,
+    Method, OrbitSettings,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
 pub use validate::ValidGraph;

@@ -358,8 +358,10 @@ impl Reader<'_> {
         let axis = fields.optional_value("axis").and_then(|v| self.direction(v));
         let fudge = fields.optional_value("fudge").and_then(|v| self.number(v, 1e-3, 1.0));
         let step = fields.optional_value("step").and_then(|v| self.difference_step(v));
+        let least_step = fields.optional_value("least_step").and_then(|v| self.number(v, 1e-4, 1.0));
+        let calibrated = fields.optional::<bool>("calibrated", self.d).unwrap_or(false);
         fields.finish(self.d);
-        Some(EstimateSettings { method, form, radius, axis, fudge, difference, step })
+        Some(EstimateSettings { method, form, radius, axis, fudge, difference, step, least_step, calibrated })
     }
 
     /// A field that is one of several words, or `auto`, which is as if it were absent.

@@ -11,6 +11,7 @@ pub mod gpu;
 pub mod listing;
 pub mod tape;
 pub mod wgsl;
+pub mod work;
 
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::Schedule;

@@ -13,14 +13,11 @@ use crate::kernel::Status;
 const PROPOSAL: f64 = 1.5;
 /// Share of the ray's range that the first proof is to reach.
 const FIRST: f64 = 0.25;
-/// Shortest proof that is taken, as a share of the hit threshold; under it the ray walks on. With a quarter
-/// here most hits of Mandelboxes were undecided; a 64th decided a few more for a third more orbits.
-pub(super) const SHORTEST: f64 = 1.0 / 32.0;
+/// Shortest proof that is taken, as a share of a step of the walk: a 32nd of the hit threshold by default. With a quarter
+/// of the threshold most hits of Mandelboxes were undecided; a 64th decided a few more for a third more orbits.
+const SHORTEST: f64 = 0.5;
 /// Hit thresholds that a ray may walk unproven up to a hit: a pixel's footprint there.
 const NEAR: f64 = 2.0;
-/// A step of the walk, as a share of the hit threshold. Of 25 systems quarters passed over thin features of six,
-/// eighths of one, these of none.
-const WALK: f64 = 1.0 / 16.0;
 /// Added to the size of a negative `last_de`, so that 0 has a sign too.
 const SIGNED_ZERO: f64 = 1e-30;
 
@@ -39,12 +36,13 @@ pub(super) fn proposal<'g>(ray: &Inputs<'g>, hit_eps: Expr<'g>) -> Expr<'g> {
 }
 
 /// How far the march goes: as far as is proven, or a step of the walk.
-pub(super) fn step<'g>(proven: Expr<'g>, hit_eps: Expr<'g>) -> Expr<'g> {
-    proven.lt(hit_eps * SHORTEST).select(hit_eps * WALK, proven)
+pub(super) fn step<'g>(proven: Expr<'g>, walk: Expr<'g>) -> Expr<'g> {
+    proven.lt(walk * SHORTEST).select(walk, proven)
 }
 
 /// What `advance` has worked out already.
 pub(super) struct Steps<'g> {
+    pub(super) walk: Expr<'g>,
     pub(super) hit_eps: Expr<'g>,
     pub(super) de: Expr<'g>,
     pub(super) t_outside: Expr<'g>,
@@ -60,7 +58,7 @@ pub(super) fn advance<'g>(function: &mut Function, ray: &Inputs<'g>, steps: &Ste
     let zero = arena.f(0.0);
     let is_first = ray.t_outside.lt(zero).and(ray.t_inside.lt(zero));
     let marked = ray.last_de.lt(zero).and(!is_first);
-    let shortest = steps.hit_eps * SHORTEST;
+    let shortest = steps.walk * SHORTEST;
     let walks = steps.de.lt(shortest).and(!steps.crossed);
     let walked = ray.last_de.abs().lt(shortest).and(!is_first);
     // A walk ends where a proof goes on, where the ray leaves, or at a hit that is too far from where it began.

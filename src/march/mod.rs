@@ -2,16 +2,17 @@
 //!
 //! In comes an estimator with `de, inside`; out comes a [`March`] kernel. Everything a march does between two estimates
 //! is straight-line and stands here as expressions, once for all back ends: where to estimate ([`compose_march`]'s
-//! `locate`) and what to make of the answer (`advance`). Rules: a step is the estimate times `fudge`, at least a
-//! quarter of the hit threshold; an estimate under the threshold whose point is still outside is walked on from, so only a point that is
+//! `locate`) and what to make of the answer (`advance`). Rules: a step is the estimate times `fudge`, at least
+//! `least_step` times the hit threshold; an estimate under the threshold whose point is still outside is walked on from, so only a point that is
 //! inside stops the ray; from there it bisects back to the boundary.
 
 mod certified;
 
 pub use certified::is_undecided;
 
+use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Port, Type};
-use crate::graph::DifferenceStep;
+use crate::graph::{DifferenceStep, LEAST_STEP};
 use crate::kernel::{Estimator, March, Status, march_state_ports, ray_ports};
 
 /// How far rays go and when they stop.
@@ -25,6 +26,8 @@ pub struct MarchSettings {
     pub hit_eps: f64,
     /// Estimates after which a ray is unfinished.
     pub max_march_steps: u32,
+    /// Shortest step as a share of the hit threshold: what is thinner along a ray may be stepped over.
+    pub least_step: f64,
     /// Least step of finite differences, as a share of the larger of 1 and the point's coordinates: below it the
     /// precision has no digits left.
     pub min_difference: f64,
@@ -46,6 +49,7 @@ impl Default for MarchSettings {
             pixel_radius: 1e-3,
             hit_eps: 0.0,
             max_march_steps: 1000,
+            least_step: LEAST_STEP,
             min_difference: MIN_DIFFERENCE_F32,
             certified: false,
             difference_step: DifferenceStep::default(),
@@ -53,9 +57,21 @@ impl Default for MarchSettings {
     }
 }
 
-/// Least step as a share of the hit threshold. With a quarter, brute force found few features that the walk had stepped
-/// over (of the power-8 bulb's hits 0 to 3 % where whole thresholds lost 5 %), for a tenth more estimates at most.
-const WALK: f64 = 0.25;
+impl MarchSettings {
+    /// How a plan's estimates are marched: what is not the plan's is a hit threshold and the precision's.
+    pub fn of_plan(plan: &Plan, pixel_radius: f64, min_difference: f64) -> MarchSettings {
+        MarchSettings {
+            fudge: plan.fudge,
+            pixel_radius,
+            least_step: plan.least_step,
+            min_difference,
+            certified: plan.is_certified(),
+            difference_step: plan.difference_step,
+            ..MarchSettings::default()
+        }
+    }
+}
+
 /// Share of the hit threshold that bisection narrows a hit down to.
 const BISECTION: f64 = 1.0 / 16.0;
 
@@ -158,9 +174,10 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     // numbers at t, or of no length at t = 0, would stand still: then the least step that any precision has is taken.
     // Proofs may be shorter than the walk's steps.
     let usable = zero.le(de).select(de, zero);
+    let walk = hit_eps * settings.least_step;
     let step = match settings.certified {
-        true => certified::step(usable, hit_eps),
-        false => (usable * settings.fudge).max(hit_eps * WALK),
+        true => certified::step(usable, walk),
+        false => (usable * settings.fudge).max(walk),
     };
     let wanted = ray.t + step;
     let least = ray.t * (1.0 + 2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01;
@@ -175,7 +192,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
     let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, forward.min(ray.t_far)));
     if settings.certified {
-        let steps = certified::Steps { hit_eps, de: usable, t_outside, t_inside, hit, miss, crossed };
+        let steps = certified::Steps { walk, hit_eps, de: usable, t_outside, t_inside, hit, miss, crossed };
         certified::advance(&mut function, &ray, &steps, status, t);
         return function;
     }

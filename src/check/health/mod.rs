@@ -174,6 +174,15 @@ pub fn check_formula(subject: &Subject, size: Size, progress: &mut dyn FnMut(f64
     Ok(health)
 }
 
+/// Checks the steps of a formula alone. Fails only where a step's script does.
+pub fn check_steps(subject: &Subject) -> Result<Health, Diagnostic> {
+    let mut health = Health::default();
+    for (name, step, params) in steps_in_use(subject.library, subject.graph) {
+        rule::check_node(subject.library, step, &name, &params, &mut health)?;
+    }
+    Ok(health)
+}
+
 /// Parameters by name.
 type Params = Vec<(String, ParamValue)>;
 

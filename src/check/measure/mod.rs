@@ -14,7 +14,7 @@ use super::truth::{Judgement, Ray, Scale, Truths, candidate as candidate_march, 
 use crate::compose::{Plan, choose};
 use crate::graph::{Camera, DeForm, EstimateSettings, Method};
 use crate::kernel::Kernel;
-use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings};
+use crate::march::MarchSettings;
 use crate::shade::{CameraFrame, Size, frame_automatically};
 
 /// Estimates after which a ray is unfinished.
@@ -187,12 +187,8 @@ impl<'a> Measurer<'a> {
 fn march_kernel(subject: &Subject, plan: &Plan, candidate: &Candidate, pixel_radius: f64) -> Result<Kernel, String> {
     let settings = MarchSettings {
         fudge: candidate.fudge,
-        pixel_radius,
-        hit_eps: 0.0,
         max_march_steps: MAX_MARCH_STEPS,
-        min_difference: if candidate.target == Target::CpuF64 { MIN_DIFFERENCE_F64 } else { MIN_DIFFERENCE_F32 },
-        difference_step: plan.difference_step,
-        certified: plan.is_certified(),
+        ..MarchSettings::of_plan(plan, pixel_radius, candidate.target.min_difference())
     };
     candidate_march(&subject.composer(), &plan.choices, &settings).map_err(|error| rendered(error, subject.library))
 }

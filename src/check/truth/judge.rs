@@ -42,6 +42,24 @@ impl End {
     }
 }
 
+/// Errors that a march may make. Shares are from 0 to 1.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Budget {
+    /// Share of the hits that may be missed, or met more than two footprints behind.
+    pub missed: f64,
+    /// Share of the stops that may be in front of the truth by more than 0.5 % of the bounding radius.
+    pub early: f64,
+    /// Median depth error, in footprints (a footprint is a pixel's diameter at the hit).
+    pub error: f64,
+}
+
+impl Default for Budget {
+    /// Missed under 0.5 %, early stops under 5 %, median depth error under half a footprint.
+    fn default() -> Budget {
+        Budget { missed: 0.005, early: 0.05, error: 0.5 }
+    }
+}
+
 /// How a march does against the truth of the same rays. Shares are from 0 to 1.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct Judgement {
@@ -79,9 +97,9 @@ pub struct Judgement {
 }
 
 impl Judgement {
-    /// Whether an error budget is kept: missed hits, early stops, median depth error in footprints.
-    pub fn is_within(&self, missed: f64, early: f64, median_error: f64) -> bool {
-        self.missed <= missed && self.early <= early && self.median_error <= median_error
+    /// Whether an error budget is kept.
+    pub fn is_within(&self, budget: &Budget) -> bool {
+        self.missed <= budget.missed && self.early <= budget.early && self.median_error <= budget.error
     }
 }
 

@@ -23,7 +23,7 @@ mod judge;
 mod membership;
 mod walk;
 
-pub use judge::{End, Judgement, candidate, ends, judge, march_rays};
+pub use judge::{Budget, End, Judgement, candidate, ends, judge, march_rays};
 pub use membership::{Members, compose_membership};
 
 use self::walk::Walker;
@@ -165,7 +165,7 @@ pub fn point((origin, direction): Ray, t: f64) -> [f64; 3] {
 }
 
 /// Rays as the eight input columns of a march, clipped to the bounding sphere.
-pub(super) fn ray_columns(rays: &[Ray], bounding_radius: f64) -> Vec<Vec<f64>> {
+pub fn ray_columns(rays: &[Ray], bounding_radius: f64) -> Vec<Vec<f64>> {
     let mut columns = vec![Vec::new(); 8];
     for (origin, direction) in rays {
         let (near, far) = sphere_range(*origin, *direction, bounding_radius);

@@ -1,0 +1,158 @@
+//! What can be chosen from: methods, forms and ways of stepping, and the plan that each of them makes.
+
+use crate::check::Subject;
+use crate::compose::{FieldOrbit, Plan, field_orbits};
+use crate::graph::{DeForm, EstimateSettings, LEAST_STEP, Method};
+
+/// Step multipliers, from the cheapest.
+pub const FUDGES: [f64; 5] = [1.0, 0.7, 0.5, 0.35, 0.25];
+/// Shortest steps as shares of the hit threshold, from the cheapest.
+pub const LEAST_STEPS: [f64; 4] = [LEAST_STEP, LEAST_STEP / 4.0, LEAST_STEP / 16.0, LEAST_STEP / 64.0];
+
+/// One way of estimating distances and stepping by them.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Candidate {
+    /// Method of every orbit that it applies to and that fixes none; `None` where there is none to choose, as for primitives.
+    pub method: Option<Method>,
+    /// Form; `None` is what the orbit's growth calls for.
+    pub form: Option<DeForm>,
+    /// Step multiplier in (0, 1].
+    pub fudge: f64,
+    /// Shortest step as a share of the hit threshold.
+    pub least_step: f64,
+}
+
+impl Candidate {
+    /// The settings that ask for it.
+    pub fn settings(&self) -> EstimateSettings {
+        EstimateSettings {
+            method: self.method,
+            form: self.form,
+            fudge: Some(self.fudge),
+            least_step: Some(self.least_step),
+            ..EstimateSettings::default()
+        }
+    }
+
+    /// Method and form in words.
+    pub fn name(&self) -> String {
+        let method = self.method.unwrap_or(Method::Own).name();
+        self.form.map_or(method.to_string(), |form| format!("{method} {}", form.name()))
+    }
+}
+
+/// What is left to choose: a subject's plan by the rules, what its file and the command line fix, and the rest.
+pub struct Space {
+    /// The plan by the rules.
+    pub base: Plan,
+    orbits: Vec<FieldOrbit>,
+    /// What is fixed for each orbit.
+    fixed: Vec<EstimateSettings>,
+    /// Methods (and forms other than the rules') that can be chosen, in the order of listings.
+    pub kinds: Vec<(Option<Method>, Option<DeForm>)>,
+    /// Step multipliers, falling.
+    pub fudges: Vec<f64>,
+    /// Shortest steps, falling.
+    pub least_steps: Vec<f64>,
+}
+
+impl Space {
+    /// What can be chosen for a subject whose plan was made with `wanted`.
+    pub fn new(subject: &Subject, wanted: &EstimateSettings) -> Space {
+        let base = subject.plan.clone();
+        let orbits = field_orbits(&subject.composer());
+        let fixed: Vec<EstimateSettings> = orbits.iter().map(|orbit| wanted.or(orbit.settings.estimate)).collect();
+        let is_free = |asked: fn(&EstimateSettings) -> bool| !fixed.iter().any(asked) && !asked(wanted);
+        let mut kinds = vec![];
+        for method in Method::ALL {
+            let open = base.choices.iter().zip(&fixed).filter(|(_, fixed)| fixed.method.is_none());
+            let applies = open.filter(|(choice, _)| choice.applicable.contains(&method)).count() > 0;
+            // With exact derivatives the potential is the gradient's own number.
+            if applies && !matches!(method, Method::Own | Method::Potential) {
+                kinds.push((Some(method), None));
+            }
+        }
+        if kinds.is_empty() {
+            kinds.push((base.choices.first().map(|choice| choice.method), None));
+        }
+        let other = |(method, _): &(Option<Method>, _)| Some((*method, Some(other_form(&base, &fixed, *method)?)));
+        let others: Vec<_> = kinds.iter().filter_map(other).collect();
+        kinds.extend(others);
+        let fudges = if is_free(|e| e.fudge.is_some()) { FUDGES.to_vec() } else { vec![base.fudge] };
+        let least_steps = match is_free(|e| e.least_step.is_some()) {
+            true => LEAST_STEPS.to_vec(),
+            false => vec![base.least_step],
+        };
+        Space { base, orbits, fixed, kinds, fudges, least_steps }
+    }
+
+    /// True where nothing is left to choose.
+    pub fn is_decided(&self) -> bool {
+        self.kinds.len() == 1 && self.fudges.len() == 1 && self.least_steps.len() == 1
+    }
+
+    /// The plan of a candidate.
+    pub fn plan(&self, candidate: &Candidate) -> Plan {
+        let mut plan = self.base.clone();
+        for ((choice, orbit), fixed) in plan.choices.iter_mut().zip(&self.orbits).zip(&self.fixed) {
+            if let (Some(method), None) = (candidate.method, fixed.method)
+                && choice.applicable.contains(&method)
+            {
+                choice.method = method;
+            }
+            let form = match fixed.form {
+                Some(form) => form,
+                None if choice.method.is_potential() => DeForm::Logarithmic,
+                None => candidate.form.unwrap_or(choice.form),
+            };
+            if form == DeForm::Linear && choice.form != DeForm::Linear {
+                let fitting = choice.extent.min(orbit.settings.escape_radius * 0.5);
+                choice.radius = fixed.radius.unwrap_or(fitting);
+            }
+            choice.form = form;
+            choice.fudge = candidate.fudge;
+        }
+        plan.fudge = candidate.fudge;
+        plan.least_step = candidate.least_step;
+        plan
+    }
+
+    /// The candidate that the rules make.
+    pub fn by_rule(&self) -> Candidate {
+        let method = self.base.choices.first().map(|c| c.method);
+        let known = self.kinds.iter().any(|(m, _)| *m == method);
+        let method = if known { method } else { self.kinds[0].0 };
+        Candidate { method, form: None, fudge: self.base.fudge, least_step: self.base.least_step }
+    }
+
+    /// The two most careful candidates among the methods that are cheap enough to march thousands of rays with: proofs
+    /// before bounds before estimates, short steps.
+    pub fn careful(&self) -> Vec<Candidate> {
+        let careful = [Method::CertifiedBall, Method::Frobenius, Method::Combined, Method::Scalar, Method::Delta];
+        let kinds: Vec<Option<Method>> = self.kinds.iter().map(|(method, _)| *method).collect();
+        let mut methods: Vec<Option<Method>> = careful.map(Some).into_iter().filter(|m| kinds.contains(m)).collect();
+        if methods.is_empty() {
+            methods.push(kinds[0]);
+        }
+        let least_step = self.least_steps[self.least_steps.len().min(2) - 1];
+        let with = |method: Option<Method>| {
+            let is_proof = method.is_some_and(Method::is_certified);
+            let fudge = if is_proof { self.fudges[0] } else { self.fudges[self.fudges.len().min(4) - 1] };
+            Candidate { method, form: None, fudge, least_step }
+        };
+        methods.into_iter().take(2).map(with).collect()
+    }
+}
+
+/// The form that the rules did not take, where an end shape is not part of the set's definition.
+fn other_form(base: &Plan, fixed: &[EstimateSettings], method: Option<Method>) -> Option<DeForm> {
+    let method = method.filter(|m| matches!(m, Method::Scalar | Method::Gradient | Method::Combined))?;
+    let choice = base.choices.first()?;
+    let is_open = fixed.iter().all(|f| f.form.is_none()) && base.choices.iter().all(|c| c.form == choice.form);
+    match choice.form {
+        _ if !is_open || !choice.applicable.contains(&method) => None,
+        DeForm::Linear => Some(DeForm::Logarithmic),
+        DeForm::Logarithmic => Some(DeForm::Linear),
+        DeForm::Box | DeForm::Plane => None,
+    }
+}
