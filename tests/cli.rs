@@ -8,7 +8,7 @@ use serde_json::Value;
 /// Runs `bulbfold` in a folder.
 fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").stdin(Stdio::null());
+    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("BULBFOLD_CACHE", "").stdin(Stdio::null());
     command.output().expect("the program starts")
 }
 

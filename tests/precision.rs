@@ -285,7 +285,13 @@ fn the_unit_of_the_last_place_is_the_formats_own() {
 fn render(arguments: &[&str]) -> (i32, String) {
     let folder = tempfile::tempdir().expect("a folder can be made");
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    let output = command.current_dir(folder.path()).env("NO_COLOR", "1").arg("render").args(arguments).output();
+    let output = command
+        .current_dir(folder.path())
+        .env("NO_COLOR", "1")
+        .env("BULBFOLD_CACHE", "")
+        .arg("render")
+        .args(arguments)
+        .output();
     let output = output.expect("the program starts");
     let code = output.status.code().expect("it was not killed");
     assert_eq!(folder.path().join("mandelbulb.png").exists(), code == 0);
