@@ -2,7 +2,7 @@
 
 use crate::check::Subject;
 use crate::compose::{FieldOrbit, Plan, field_orbits};
-use crate::graph::{DeForm, EstimateSettings, LEAST_STEP, Method};
+use crate::graph::{DeForm, EstimateSettings, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method};
 
 /// Step multipliers, from the cheapest.
 pub const FUDGES: [f64; 5] = [1.0, 0.7, 0.5, 0.35, 0.25];
@@ -89,6 +89,14 @@ impl Space {
     /// True where nothing is left to choose.
     pub fn is_decided(&self) -> bool {
         self.kinds.len() == 1 && self.fudges.len() == 1 && self.least_steps.len() == 1
+    }
+
+    /// The longest of the shortest steps that a method may take. Who asks for proofs wants nothing missed, so their walk is
+    /// not made cheaper than it was measured to be safe.
+    pub fn longest_step(&self, method: Option<Method>) -> f64 {
+        let is_proof = method.is_some_and(Method::is_certified);
+        let safe = self.least_steps.iter().find(|step| !is_proof || **step <= LEAST_STEP_OF_PROOFS);
+        *safe.unwrap_or(&self.least_steps[0])
     }
 
     /// The plan of a candidate.

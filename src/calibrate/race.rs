@@ -184,13 +184,13 @@ impl<'a> Race<'a> {
 
     /// All kinds at their cheapest.
     fn line_up(&mut self) -> ComposeResult<()> {
-        let (fudge, least_step) = (self.space.fudges[0], self.space.least_steps[0]);
+        let fudge = self.space.fudges[0];
         let is_trusted = self.truths.counts()[0] >= HITS_OF_ONE_DIRECTION || self.space.kinds.len() == 1;
         for (method, form) in self.space.kinds.clone() {
             if !is_trusted && matches!(method, Some(Method::Directional | Method::DeltaRay)) {
                 continue;
             }
-            let candidate = Candidate { method, form, fudge, least_step };
+            let candidate = Candidate { method, form, fudge, least_step: self.space.longest_step(method) };
             let plan = self.plan(&candidate);
             let work = Work::of(self.subject.arena, &self.kernel(&plan)?);
             let mut expected = work.total(1.0, f64::from(self.mean_iterations()));

@@ -9,11 +9,11 @@ use super::{Family, MARGIN, WIDTH, caption, method_name, target_words};
 use crate::check::Target;
 use crate::check::measure::{Candidate, Measured, pareto};
 use crate::film::Image;
-use crate::graph::Method;
+use crate::graph::{LEAST_STEP, Method};
 use crate::shade::Size;
 
 /// Heading of [`csv`].
-pub const CSV_HEADER: &str = "formula,width,height,rays,hits,ambiguous,method,form,fudge,backend,precision,ns_per_pixel,\
+pub const CSV_HEADER: &str = "formula,width,height,rays,hits,ambiguous,method,form,fudge,least_step,backend,precision,ns_per_pixel,\
 estimates_per_pixel,missed,early,median_error_footprints,unfinished,nan,pareto,auto";
 
 /// Everything on one formula's chart.
@@ -49,7 +49,9 @@ type Reading = fn(&Measured) -> f64;
 impl CostChart {
     fn curves(&self) -> Vec<Curve> {
         let mut curves: Vec<Curve> = Vec::new();
-        for (i, (candidate, _)) in self.points.iter().enumerate() {
+        // Other shortest steps than the usual are not on the curves over the multiplier.
+        let usual = self.points.iter().enumerate().filter(|(_, (candidate, _))| candidate.least_step.is_none());
+        for (i, (candidate, _)) in usual {
             let (method, target) = (candidate.method, candidate.target);
             match curves.iter_mut().find(|c| c.method == method && c.target == target) {
                 Some(curve) => curve.points.push(i),
@@ -96,9 +98,10 @@ impl CostChart {
     fn finding(&self) -> String {
         let (candidate, auto) = &self.points[self.auto];
         let mut text = format!(
-            "auto takes {} at fudge {}: {} a pixel, {} of hits wrong.",
+            "auto takes {} at fudge {}, with steps down to 1/{} of the hit threshold: {} a pixel, {} of hits wrong.",
             method_name(candidate.method),
             plain(candidate.fudge),
+            plain((1.0 / candidate.least_step.unwrap_or(LEAST_STEP)).round()),
             nanoseconds(auto.ns_per_pixel),
             percent(auto.wrong())
         );
@@ -112,7 +115,7 @@ impl CostChart {
                 let ratio = plain((delta.ns_per_pixel / auto.ns_per_pixel * 10.0).round() / 10.0);
                 let _ = write!(
                     text,
-                    " With the same steps, delta costs {ratio} times as much and is wrong at {}.",
+                    " At the same fudge, delta costs {ratio} times as much and is wrong at {}.",
                     percent(delta.wrong())
                 );
             }
@@ -275,7 +278,7 @@ impl CostChart {
             let form = c.form.map_or("own", crate::graph::DeForm::name);
             let _ = writeln!(
                 out,
-                "{},{},{},{},{},{},{},{form},{},{backend},{precision},{},{},{},{},{},{},{},{},{}",
+                "{},{},{},{},{},{},{},{form},{},{},{backend},{precision},{},{},{},{},{},{},{},{},{}",
                 super::csv_field(&self.formula),
                 self.size.width,
                 self.size.height,
@@ -284,6 +287,7 @@ impl CostChart {
                 self.ambiguous,
                 method_name(c.method),
                 c.fudge,
+                c.least_step.map_or(String::new(), |step| step.to_string()),
                 m.ns_per_pixel,
                 m.estimates_per_pixel,
                 m.missed,

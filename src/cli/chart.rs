@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use bulbfold::calibrate::{Options, calibrate};
 use bulbfold::chart::cost::CostChart;
 use bulbfold::chart::depth::DepthChart;
 use bulbfold::chart::step_size::StepChart;
@@ -10,6 +11,7 @@ use bulbfold::chart::{Drawing, cost, depth, raster, step_size, svg};
 use bulbfold::check::measure::{Candidate, Measurer, View, depth as depths, find_truths, step_size as steps};
 use bulbfold::check::truth::Truths;
 use bulbfold::check::{Backends, Subject, Target};
+use bulbfold::compose::Plan;
 use bulbfold::expr::Arena;
 use bulbfold::film::{Image, write_beside};
 use bulbfold::graph::{Method, ValidGraph};
@@ -268,7 +270,11 @@ impl Chart<'_> {
         truths: &Truths,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Sheet, Failure> {
-        let (candidates, auto) = self.candidates(subject);
+        let options = Options { size: view.size, target: self.targets[0], cache: None, ..Options::of_view(subject) };
+        let calibration = calibrate(subject, &options, &mut |_| ());
+        let calibration = calibration.map_err(|diagnostic| self.session.failure(diagnostic))?;
+        calibration.warnings.iter().for_each(|warning| self.session.warn(warning));
+        let (candidates, auto) = self.candidates(subject, &calibration.plan);
         let mut measurer = Measurer::new(subject, truths, self.backends);
         let mut points = Vec::new();
         for (i, candidate) in candidates.iter().enumerate() {
@@ -288,9 +294,8 @@ impl Chart<'_> {
         Ok(Sheet { drawing: chart.drawing(), csv: chart.csv() })
     }
 
-    /// Every method that applies, on every target, at every multiplier; and which of them `auto` takes, added where it is
-    /// not among them.
-    fn candidates(&self, subject: &Subject) -> (Vec<Candidate>, usize) {
+    /// Every method that applies, on every target, at every multiplier; and what `auto` takes.
+    fn candidates(&self, subject: &Subject, plan: &Plan) -> (Vec<Candidate>, usize) {
         let choices = &subject.plan.choices;
         let form = choices.first().map(|c| c.form);
         let mut methods: Vec<Option<Method>> =
@@ -301,15 +306,19 @@ impl Chart<'_> {
         let mut candidates = Vec::new();
         for &method in &methods {
             for &target in self.targets {
-                let with = |&fudge: &f64| Candidate { method, form, fudge, target };
+                let with = |&fudge: &f64| Candidate { method, form, fudge, least_step: None, target };
                 candidates.extend(self.arguments.fudge.0.iter().map(with));
             }
         }
-        let auto = Candidate { method: subject.method(), form, fudge: subject.plan.fudge, target: self.targets[0] };
-        let at = candidates.iter().position(|c| *c == auto).unwrap_or_else(|| {
-            candidates.push(auto);
-            candidates.len() - 1
-        });
+        let auto = Candidate {
+            method: plan.choices.first().map(|c| c.method),
+            form: plan.choices.first().map(|c| c.form),
+            fudge: plan.fudge,
+            least_step: Some(plan.least_step),
+            target: self.targets[0],
+        };
+        candidates.push(auto);
+        let at = candidates.len() - 1;
         (candidates, at)
     }
 

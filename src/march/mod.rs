@@ -144,7 +144,7 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     function.output("p", p);
     function.output("d", ray.direction);
     let h = match settings.certified {
-        true => certified::proposal(&ray, ray.hit_eps(settings)),
+        true => certified::proposal(&ray, ray.hit_eps(settings) * settings.least_step),
         false => wanted.max(largest * settings.min_difference),
     };
     function.output("h", h);

@@ -70,6 +70,7 @@ pub fn measure(
         method: plan.choices.first().map(|c| c.method),
         form: plan.choices.first().map(|c| c.form),
         fudge: plan.fudge,
+        least_step: None,
         target: Target::CpuF64,
     };
     let (ray, distance) = surface_point(subject, view, truths)?;
@@ -137,7 +138,7 @@ mod tests {
             settled: 1.0,
             measured: vec![(Target::CpuF32, Measured { median_error, ..Measured::default() })],
         };
-        let candidate = Candidate { method: None, form: None, fudge: 1.0, target: Target::CpuF64 };
+        let candidate = Candidate { method: None, form: None, fudge: 1.0, least_step: None, target: Target::CpuF64 };
         let depths =
             Depths { rays: 1, candidate, zooms: vec![at(1.0, 0.1), at(10.0, 0.4), at(100.0, 2.0), at(1e3, 0.1)] };
         assert_eq!(depths.end_of(Target::CpuF32), Some(10.0));

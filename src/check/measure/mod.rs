@@ -85,6 +85,8 @@ pub struct Candidate {
     pub form: Option<DeForm>,
     /// Step multiplier in (0, 1].
     pub fudge: f64,
+    /// Shortest step as a share of the hit threshold; `None` is the usual one of the method.
+    pub least_step: Option<f64>,
     /// Back end and precision.
     pub target: Target,
 }
@@ -96,6 +98,7 @@ impl Candidate {
             method: self.method,
             form: self.form,
             fudge: Some(self.fudge),
+            least_step: self.least_step,
             ..EstimateSettings::default()
         }
     }
@@ -187,6 +190,7 @@ impl<'a> Measurer<'a> {
 fn march_kernel(subject: &Subject, plan: &Plan, candidate: &Candidate, pixel_radius: f64) -> Result<Kernel, String> {
     let settings = MarchSettings {
         fudge: candidate.fudge,
+        least_step: candidate.least_step.unwrap_or(plan.least_step),
         max_march_steps: MAX_MARCH_STEPS,
         ..MarchSettings::of_plan(plan, pixel_radius, candidate.target.min_difference())
     };
