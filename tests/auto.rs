@@ -16,10 +16,12 @@ use bulbfold::shade::Size;
 const SIZE: Size = Size { width: 320, height: 240 };
 /// Rays that the choice is judged on: a bar of 0.5 % needs far more than the 300 of a glance.
 const RAYS: usize = 2000;
+/// Time of a calibration.
+const TIME: std::time::Duration = std::time::Duration::from_millis(600);
 
-/// The default options on a small picture.
+/// The default options on a small picture, with time enough on a slow machine too: what is chosen shall not depend on it.
 fn options(formula: &Formula) -> Options {
-    Options { size: SIZE, cache: None, ..Options::of_view(&formula.subject()) }
+    Options { size: SIZE, cache: None, time: TIME, ..Options::of_view(&formula.subject()) }
 }
 
 fn calibrated(formula: &Formula, options: &Options) -> Calibration {

@@ -67,8 +67,10 @@ impl Space {
         for method in Method::ALL {
             let open = base.choices.iter().zip(&fixed).filter(|(_, fixed)| fixed.method.is_none());
             let applies = open.filter(|(choice, _)| choice.applicable.contains(&method)).count() > 0;
-            // With exact derivatives the potential is the gradient's own number.
-            if applies && !matches!(method, Method::Own | Method::Potential) {
+            // With exact derivatives the potential is the gradient's own number. What is known along primary rays alone
+            // says nothing of shadow rays, and misses most where maps jump.
+            let along_rays = matches!(method, Method::Directional | Method::DeltaRay);
+            if applies && !along_rays && !matches!(method, Method::Own | Method::Potential) {
                 kinds.push((Some(method), None));
             }
         }

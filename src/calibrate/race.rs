@@ -12,9 +12,9 @@ use crate::check::truth::{End, Judgement, Scale, Truths, candidate as candidate_
 use crate::check::{Backends, Subject};
 use crate::compose::{ComposeResult, Plan};
 use crate::graph::Method;
-use crate::kernel::Kernel;
 use crate::kernel::work::Work;
-use crate::march::MarchSettings;
+use crate::kernel::{Kernel, Status, march_output_ports};
+use crate::march::{MarchSettings, is_undecided};
 use crate::render::in_precision;
 
 /// By what power of 1 / fudge the cost is expected to grow, and by what factor for a shortest step a quarter as long.
@@ -31,7 +31,11 @@ const MAX_MARCH_STEPS: u32 = 1000;
 /// Rays that the render's time is taken from.
 const TIMED_RAYS: usize = 512;
 /// Share of the missed hits of the budget that a choice may come to: rays that nobody looked at shall keep the budget, too.
-const MARGIN: f64 = 0.4;
+const MARGIN: f64 = 0.25;
+/// The same where proofs get stuck at most hits, as on maps that jump: nobody knows then what careful marches miss.
+const MARGIN_WITHOUT_PROOF: f64 = 0.05;
+/// Share of the hits that are not decided by proofs.
+const MOSTLY: f64 = 0.5;
 /// Hits without truth that candidates are compared with each other on, and the fewest and most rays for them.
 const COMPARED_HITS: f64 = 3000.0;
 const COMPARED_RAYS: [usize; 2] = [3000, 12_000];
@@ -40,9 +44,6 @@ const BEHIND_FOOTPRINTS: f64 = 2.0;
 /// Beyond this many times the budget, and where it is not thin things that are missed, a candidate's next smaller step
 /// multiplier is passed over, and shorter least steps are not tried.
 const HOPELESS: f64 = 6.0;
-/// Hits with a truth from which on methods that follow the ray's direction alone are trusted: what they miss, others that are
-/// as cheap often miss, too, and then only the truth knows.
-const HITS_OF_ONE_DIRECTION: usize = 300;
 /// What is not at least so much better is no help.
 const HELP: f64 = 0.8;
 
@@ -97,6 +98,7 @@ pub(super) struct Race<'a> {
     backends: Backends,
     columns: Vec<Vec<f64>>,
     compared: Compared,
+    margin: f64,
     open: Vec<Entry>,
     tried: Vec<Tried>,
 }
@@ -125,6 +127,17 @@ fn march(subject: &Subject, options: &Options, scale: Scale, plan: &Plan) -> Com
     candidate_march(&subject.composer(), &plan.choices, &settings)
 }
 
+/// Share of the hits of a march of proofs that it walked up to, or crossed something before, without proof.
+fn share_undecided(out: &[Vec<f64>]) -> f64 {
+    let at =
+        |name: &str| march_output_ports().iter().position(|p| p.name == name).expect("a march gives these columns");
+    let [last, steps, status] = ["last_de", "steps", "status"].map(at);
+    let hit = |i: &usize| Status::from_code(out[status][*i]) == Status::Hit;
+    let hits: Vec<usize> = (0..out[status].len()).filter(hit).collect();
+    let open = hits.iter().filter(|&&i| is_undecided(out[last][i], out[steps][i], Status::Hit)).count();
+    open as f64 / hits.len().max(1) as f64
+}
+
 impl<'a> Race<'a> {
     pub(super) fn new(subject: &'a Subject, options: &'a Options, space: &'a Space, truths: &'a Truths) -> Race<'a> {
         let columns = ray_columns(&truths.rays, truths.scale.bounding_radius);
@@ -137,7 +150,8 @@ impl<'a> Race<'a> {
             known: vec![f64::INFINITY; rays.len()],
         };
         let backends = Backends::cpu_only();
-        Race { subject, options, space, truths, backends, columns, compared, open: Vec::new(), tried: Vec::new() }
+        let (open, tried) = (Vec::new(), Vec::new());
+        Race { subject, options, space, truths, backends, columns, compared, margin: MARGIN, open, tried }
     }
 
     fn kernel(&self, plan: &Plan) -> ComposeResult<Kernel> {
@@ -153,8 +167,13 @@ impl<'a> Race<'a> {
     pub(super) fn run(&mut self, deadline: Instant, told: &mut dyn FnMut()) -> ComposeResult<()> {
         self.line_up()?;
         for careful in self.space.careful() {
-            let kernel = self.kernel(&self.plan(&careful))?;
-            self.passed(&kernel);
+            let plan = self.plan(&careful);
+            let kernel = self.kernel(&plan)?;
+            let out = self.compared_ends(&kernel);
+            if plan.is_certified() && share_undecided(&out) > MOSTLY {
+                self.margin = MARGIN_WITHOUT_PROOF;
+            }
+            self.passed(&out);
         }
         while let Some(entry) = self.next() {
             let is_late = Instant::now() > deadline && self.tried.len() >= FEWEST;
@@ -185,11 +204,7 @@ impl<'a> Race<'a> {
     /// All kinds at their cheapest.
     fn line_up(&mut self) -> ComposeResult<()> {
         let fudge = self.space.fudges[0];
-        let is_trusted = self.truths.counts()[0] >= HITS_OF_ONE_DIRECTION || self.space.kinds.len() == 1;
         for (method, form) in self.space.kinds.clone() {
-            if !is_trusted && matches!(method, Some(Method::Directional | Method::DeltaRay)) {
-                continue;
-            }
             let candidate = Candidate { method, form, fudge, least_step: self.space.longest_step(method) };
             let plan = self.plan(&candidate);
             let work = Work::of(self.subject.arena, &self.kernel(&plan)?);
@@ -225,7 +240,10 @@ impl<'a> Race<'a> {
         let out = self.backends.run(self.options.target, self.subject.arena, &kernel, &self.columns);
         let judged = self.truths.judge(&ends(&out.expect("the CPU runs every kernel"), self.truths.rays.len()));
         let cost = work.total(judged.estimates, judged.iterations);
-        let [known, passed] = self.passed(&kernel);
+        let [known, passed] = {
+            let out = self.compared_ends(&kernel);
+            self.passed(&out)
+        };
         let hits = judged.hits + known;
         let missed = ((judged.missed * judged.hits as f64).round() + passed as f64) / hits.max(1) as f64;
         let (why, excess) = self.judge(&judged, missed, hits);
@@ -264,7 +282,7 @@ impl<'a> Race<'a> {
         };
         let stops = judged.hits;
         let checks = [
-            (expected(missed, hits) / (MARGIN * budget.missed).max(1e-9), "misses too much"),
+            (expected(missed, hits) / (self.margin * budget.missed).max(1e-9), "misses too much"),
             // What no march finds is known to the truth alone.
             (judged.missed / budget.missed.max(1e-9), "misses too much"),
             (expected(judged.early, stops) / budget.early.max(1e-9), "stops too early"),
@@ -274,11 +292,16 @@ impl<'a> Race<'a> {
         (why.to_string(), excess)
     }
 
-    /// Marches the rays that candidates are compared on: hits that are known, and how many of them it passed.
-    fn passed(&mut self, kernel: &Kernel) -> [usize; 2] {
-        let (arena, scale) = (self.subject.arena, self.truths.scale);
-        let out = self.backends.run(self.options.target, arena, kernel, &self.compared.columns);
-        let ends = ends(&out.expect("the CPU runs every kernel"), self.compared.known.len());
+    /// Marches the rays that candidates are compared on.
+    fn compared_ends(&self, kernel: &Kernel) -> Vec<Vec<f64>> {
+        let out = self.backends.run(self.options.target, self.subject.arena, kernel, &self.compared.columns);
+        out.expect("the CPU runs every kernel")
+    }
+
+    /// Hits that are known of these rays, and how many of them a march passed.
+    fn passed(&mut self, out: &[Vec<f64>]) -> [usize; 2] {
+        let scale = self.truths.scale;
+        let ends = ends(out, self.compared.known.len());
         self.compared.passed(&ends, |t| scale.footprint(t))
     }
 
