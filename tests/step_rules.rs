@@ -40,7 +40,7 @@ fn parameters(step: &Step, set: usize, random: &mut Random) -> Vec<(String, Para
     let value = |p: &bulbfold::formula::step::StepParam, random: &mut Random| match set {
         0 => p.default.clone(),
         // Angles are mostly 0, and rules for that are other ones.
-        _ if p.kind == ParamKind::Angle && set % 3 != 0 => p.default.clone(),
+        _ if p.kind == ParamKind::Angle && !set.is_multiple_of(3) => p.default.clone(),
         _ => random_value(&p.kind, p.min, p.max, random),
     };
     let mut all: Vec<_> = step.params.iter().map(|p| (p.name.clone(), value(p, random))).collect();

@@ -115,7 +115,7 @@ pub fn write(path: &Path, calibration: &Calibration) -> std::io::Result<()> {
     crate::film::write_beside(path, format!("{text:#}\n").as_bytes())
 }
 
-/// Reads a file; nothing where it is missing or is not what [`write`] writes.
+/// Reads a file; nothing where it is missing or is not what [`write()`] writes.
 pub fn read(path: &Path) -> Option<Entry> {
     let value: Value = serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()?;
     let texts = value["warnings"].as_array()?.iter().map(|v| v.as_str().map(String::from));

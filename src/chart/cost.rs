@@ -12,7 +12,7 @@ use crate::film::Image;
 use crate::graph::{LEAST_STEP, Method};
 use crate::shade::Size;
 
-/// Heading of [`csv`].
+/// Heading of [`CostChart::csv`].
 pub const CSV_HEADER: &str = "formula,width,height,rays,hits,ambiguous,method,form,fudge,least_step,backend,precision,ns_per_pixel,\
 estimates_per_pixel,missed,early,median_error_footprints,unfinished,nan,pareto,auto";
 

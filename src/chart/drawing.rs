@@ -1,7 +1,7 @@
 //! The drawing model: what the SVG and the PNG writer both read.
 //!
 //! Units are pixels of the finished chart at its natural size, x to the right and y down. Texts are strokes of the
-//! [`font`](super::font), so a chart looks the same everywhere and needs no font of the system.
+//! [`super::font`], so a chart looks the same everywhere and needs no font of the system.
 
 use super::font;
 use crate::film::Image;

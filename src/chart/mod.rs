@@ -1,6 +1,6 @@
 //! Charts of what estimates cost and how right they are: measurements to SVG, PNG and CSV.
 //!
-//! In come measurements of [`crate::check::measure`]; out comes a [`Drawing`], which [`svg`] and [`raster`] write, or the
+//! In come measurements of [`crate::check::measure`]; out comes a [`Drawing`], which [`svg()`] and [`raster()`] write, or the
 //! same numbers as CSV. A chart has a light page, a quiet grid, names beside their lines, and few colours (Okabe and Ito,
 //! 2008, which colour-blind readers can tell apart): one for each family of methods.
 

@@ -24,7 +24,7 @@ pub struct ViewKernels<'a> {
     decision: Option<(&'a Kernel, Kernel)>,
 }
 
-/// What the marches of all pixels gave. All lists are in the order of [`pixels`].
+/// What the marches of all pixels gave. All lists are in the order of `pixels`.
 pub struct Marched {
     /// Columns and rows.
     pub size: Size,
@@ -119,7 +119,7 @@ pub fn pixels(size: Size) -> Vec<(u32, u32)> {
     tiles(size).iter().flat_map(|tile| tile.pixels()).collect()
 }
 
-/// Walks the rays through all pixels' centres by brute force, in f64; in the order of [`pixels`]. `progress` is told the
+/// Walks the rays through all pixels' centres by brute force, in f64; in the order of `pixels`. `progress` is told the
 /// share that is done.
 pub fn find_truths(
     composer: &Composer,
