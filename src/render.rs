@@ -22,8 +22,6 @@ pub struct RenderSettings {
     pub samples: u32,
     /// Hit threshold in pixel radii.
     pub detail: f64,
-    /// Estimates after which a ray is unfinished.
-    pub max_march_steps: u32,
     /// Least relative step of finite differences, by the precision of the back end (see [`MarchSettings`]).
     pub min_difference: f64,
 }
@@ -35,7 +33,6 @@ impl Default for RenderSettings {
             estimate: EstimateSettings::default(),
             samples: 1,
             detail: 1.0,
-            max_march_steps: 1000,
             min_difference: MIN_DIFFERENCE_F32,
         }
     }
@@ -93,10 +90,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let arena = composer.arena;
     let frame = CameraFrame::new(&camera);
     let pixel_radius = shade::pixel_radius(&camera, settings.size);
-    let march = MarchSettings {
-        max_march_steps: settings.max_march_steps,
-        ..MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference)
-    };
+    let march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
     let choices: &[Choice] = &plan.choices;
     let estimator = compose_estimator(composer, choices, Purpose::March)?;
     let radius = plan.bounding_radius;

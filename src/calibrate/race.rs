@@ -25,8 +25,6 @@ const COST_OF_PROOF: f64 = 1.3;
 const COST_OF_OTHER_FORM: f64 = 1.3;
 /// Candidates that are tried even where that takes longer than it may.
 const FEWEST: usize = 3;
-/// Estimates after which a ray is unfinished, as in a render.
-const MAX_MARCH_STEPS: u32 = 1000;
 
 /// Rays that the render's time is taken from.
 const TIMED_RAYS: usize = 512;
@@ -122,8 +120,7 @@ pub(super) fn time_of_render(subject: &Subject, options: &Options, space: &Space
 fn march(subject: &Subject, options: &Options, scale: Scale, plan: &Plan) -> ComposeResult<Kernel> {
     let least = options.target.min_difference();
     let plan = in_precision(plan.clone(), least);
-    let settings =
-        MarchSettings { max_march_steps: MAX_MARCH_STEPS, ..MarchSettings::of_plan(&plan, scale.pixel_radius, least) };
+    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, least);
     candidate_march(&subject.composer(), &plan.choices, &settings)
 }
 

@@ -37,6 +37,11 @@ pub struct MarchSettings {
     pub difference_step: DifferenceStep,
 }
 
+/// Estimates after which a ray of estimates is unfinished.
+const MAX_STEPS: u32 = 1000;
+/// The same where estimates are proofs: a ray walks as long as it must through what can't be proven. Beside the axis of an
+/// asin bulb of power 2 that takes thousands of steps.
+const MAX_STEPS_OF_PROOFS: u32 = 20_000;
 /// [`MarchSettings::min_difference`] for single precision.
 pub const MIN_DIFFERENCE_F32: f64 = 1e-5;
 /// [`MarchSettings::min_difference`] for double precision.
@@ -48,7 +53,7 @@ impl Default for MarchSettings {
             fudge: 1.0,
             pixel_radius: 1e-3,
             hit_eps: 0.0,
-            max_march_steps: 1000,
+            max_march_steps: MAX_STEPS,
             least_step: LEAST_STEP,
             min_difference: MIN_DIFFERENCE_F32,
             certified: false,
@@ -66,6 +71,7 @@ impl MarchSettings {
             least_step: plan.least_step,
             min_difference,
             certified: plan.is_certified(),
+            max_march_steps: if plan.is_certified() { MAX_STEPS_OF_PROOFS } else { MAX_STEPS },
             difference_step: plan.difference_step,
             ..MarchSettings::default()
         }

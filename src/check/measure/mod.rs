@@ -17,8 +17,6 @@ use crate::kernel::Kernel;
 use crate::march::MarchSettings;
 use crate::shade::{CameraFrame, Size, frame_automatically};
 
-/// Estimates after which a ray is unfinished.
-const MAX_MARCH_STEPS: u32 = 1000;
 /// Copies of the rays that a GPU is timed with: a few hundred rays do not fill one.
 const GPU_COPIES: usize = 32;
 
@@ -191,7 +189,6 @@ fn march_kernel(subject: &Subject, plan: &Plan, candidate: &Candidate, pixel_rad
     let settings = MarchSettings {
         fudge: candidate.fudge,
         least_step: candidate.least_step.unwrap_or(plan.least_step),
-        max_march_steps: MAX_MARCH_STEPS,
         ..MarchSettings::of_plan(plan, pixel_radius, candidate.target.min_difference())
     };
     candidate_march(&subject.composer(), &plan.choices, &settings).map_err(|error| rendered(error, subject.library))
