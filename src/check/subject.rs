@@ -66,14 +66,14 @@ impl<'a> Subject<'a> {
 
     /// The estimator with outputs `de, inside`.
     pub fn estimator(&self, choices: &[Choice]) -> ComposeResult<Kernel> {
-        Ok(Kernel::Estimate(compose_estimator(&self.composer(), choices, Purpose::March)?))
+        Ok(Kernel::Estimate(compose_estimator(&self.composer(), choices, Purpose::Estimate)?))
     }
 
     /// The estimator with a higher iteration limit, for membership in something nearer to the limit set.
     pub fn deeper_estimator(&self, more: u32) -> ComposeResult<Kernel> {
         let graph = self.graph.with_orbit_settings(|settings| settings.max_iterations += more);
         let composer = Composer { graph: &graph, ..self.composer() };
-        Ok(Kernel::Estimate(compose_estimator(&composer, &self.plan.choices, Purpose::March)?))
+        Ok(Kernel::Estimate(compose_estimator(&composer, &self.plan.choices, Purpose::Estimate)?))
     }
 
     /// The state after a number of iterations, whatever its size: outputs of the probe, `z` the last four.
@@ -129,7 +129,7 @@ impl<'a> Subject<'a> {
         hit_eps: f64,
     ) -> Result<ComposeResult<Vec<Option<f64>>>, BackendError> {
         let composer = self.composer();
-        let estimator = match compose_estimator(&composer, &self.plan.choices, Purpose::March) {
+        let estimator = match compose_estimator(&composer, &self.plan.choices, Purpose::Estimate) {
             Ok(estimator) => estimator,
             Err(error) => return Ok(Err(error)),
         };

@@ -124,7 +124,7 @@ impl Probe<'_> {
         };
         let plan = choose_estimate(self.session, self.graph, self.arena, &wish)?.plan;
         let plan = in_precision(plan, self.precision.min_difference());
-        let estimator = compose_estimator(&self.composer(), &plan.choices, Purpose::March);
+        let estimator = compose_estimator(&self.composer(), &plan.choices, Purpose::Estimate);
         let estimator = estimator.map_err(|diagnostic| self.session.failure(diagnostic))?;
         let default = if self.arguments.hit_eps.is_some() { 0.0 } else { 1e-3 };
         let pixel_radius = self.arguments.pixel_radius.unwrap_or(default);

@@ -40,9 +40,11 @@ impl<'a> OrbitBuilder<'a> {
                 function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
                 function.output("de", self.distance(end.size, slope, n));
             }
-            Purpose::March | Purpose::Probe | Purpose::Decision => {
+            Purpose::Estimate | Purpose::March | Purpose::Probe | Purpose::Decision => {
                 let slope = self.slope(&end, constants.h);
-                function.output("de", self.distance(end.size, slope, n));
+                let de = self.distance(end.size, slope, n);
+                let follows = self.follows_footprint();
+                function.output("de", if follows { self.mark_resolved(state, constants.hit_eps, de) } else { de });
             }
         }
         if let (Purpose::Decision, Method::Combined, Some(dr)) = (self.purpose, self.choice.method, end.dr) {

@@ -1,5 +1,6 @@
 //! Distance fields: orbits, primitives and their combinations, joined into one estimator.
 
+use super::footprint::{follows_footprint, is_marked};
 use super::orbit::compose_orbit;
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
@@ -152,7 +153,7 @@ impl<'g> FieldBuilder<'_, 'g> {
         let arena = self.composer.arena;
         let value = self.value(self.composer.graph.output, &Frame::default());
         match self.purpose {
-            Purpose::March => {
+            Purpose::Estimate | Purpose::March => {
                 combine.output("de", value.d);
                 combine.output("inside", value.inside);
             }
@@ -214,8 +215,12 @@ impl<'g> FieldBuilder<'_, 'g> {
         let zero = self.composer.arena.f(0.0);
         let is_surface = self.purpose == Purpose::Surface;
         let de = if is_surface { leaf.outputs[2] } else { leaf.outputs[0] };
+        let stays = match follows_footprint(&self.choices[i], self.purpose) {
+            true => leaf.inside.or(is_marked(de)),
+            false => leaf.inside,
+        };
         let inside = match self.choices[i].form {
-            DeForm::Linear | DeForm::Logarithmic => leaf.inside,
+            DeForm::Linear | DeForm::Logarithmic => stays,
             // What has not escaped is in the set where it ends in the shape; a plane is as thick as the hit threshold.
             DeForm::Box => leaf.inside.and(de.le(zero)),
             DeForm::Plane => leaf.inside.and(de.le(EstimatorInputs::new(self.composer.arena).hit_eps)),

@@ -9,6 +9,7 @@ mod certified;
 pub mod choose;
 mod estimate;
 mod field;
+mod footprint;
 pub mod norm;
 mod orbit;
 pub mod placement;
@@ -27,7 +28,9 @@ use crate::graph::ValidGraph;
 /// What an estimator is for, which decides its outputs.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Purpose {
-    /// `de, inside`.
+    /// `de, inside`, of what `max_iterations` says exactly.
+    Estimate,
+    /// The same for a march, whose orbits end where their detail is below the hit threshold: what is resolved is inside.
     March,
     /// `gradient: vec3, trap: vec4`: the field's direction of growth, and the least distances of the orbit to the origin
     /// and the planes x, y and z.

@@ -45,7 +45,7 @@ impl Carried {
     pub(super) const NOTHING: Carried =
         Carried { scalar: false, jacobian: false, along: false, shifted: Shifted::None, traps: false };
 
-    fn of(choice: &Choice, purpose: Purpose) -> Carried {
+    pub(super) fn of(choice: &Choice, purpose: Purpose) -> Carried {
         if purpose == Purpose::Surface {
             let shifted = if choice.differentiable { Shifted::None } else { Shifted::Axes };
             return Carried { jacobian: choice.differentiable, shifted, traps: true, ..Carried::NOTHING };
@@ -127,6 +127,8 @@ pub(super) struct Constants<'g> {
     pub(super) shifted: Vec<Expr<'g>>,
     /// Step of finite differences.
     pub(super) h: Expr<'g>,
+    /// Hit threshold.
+    pub(super) hit_eps: Expr<'g>,
 }
 
 /// Builds the orbit of a node for a purpose.
@@ -179,7 +181,10 @@ impl<'a> OrbitBuilder<'a> {
             let r_sq = next.z.dot(next.z);
             let limit = self.settings.escape_radius * self.settings.escape_radius;
             // NaN compares false, so it counts as escaped.
-            function.output("escaped", !r_sq.le(self.composer.arena.f(limit)));
+            let escaped = !r_sq.le(self.composer.arena.f(limit));
+            let follows = self.follows_footprint();
+            let ended = if follows { escaped.or(self.is_resolved(&next, constants.hit_eps)) } else { escaped };
+            function.output("escaped", ended);
             items.push(function);
         }
         let mut finish = Function::new(format!("{name}_finish"), ports);
@@ -199,7 +204,7 @@ impl<'a> OrbitBuilder<'a> {
     /// Start values as expressions of the [`EstimatorInputs`].
     fn start(&self) -> ComposeResult<(State<'a>, Constants<'a>)> {
         let arena = self.composer.arena;
-        let EstimatorInputs { p, d, h, .. } = EstimatorInputs::new(arena);
+        let EstimatorInputs { p, d, h, hit_eps } = EstimatorInputs::new(arena);
         let offsets = match self.carried.shifted {
             Shifted::None => Vec::new(),
             Shifted::Axes => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| arena.v3(axis)).to_vec(),
@@ -234,7 +239,7 @@ impl<'a> OrbitBuilder<'a> {
             trap: self.carried.traps.then_some(far),
         };
         let dc = first.dr.unwrap_or_else(|| arena.f(0.0));
-        Ok((state, Constants { c: first.z, dc, rows, along, shifted, h }))
+        Ok((state, Constants { c: first.z, dc, rows, along, shifted, h, hit_eps }))
     }
 
     /// Makes the `init` function; what iterations read of the start point becomes frozen inputs unless it is constant.
@@ -271,7 +276,8 @@ impl<'a> OrbitBuilder<'a> {
         let c = keep("c", constants.c);
         let dc = keep("dc", constants.dc);
         let h = if self.carried.shifted == Shifted::None { constants.h } else { freeze("h", constants.h) };
-        (init, frozen, Constants { c, dc, rows, along, shifted, h })
+        let hit_eps = if self.follows_footprint() { freeze("hit_eps", constants.hit_eps) } else { constants.hit_eps };
+        (init, frozen, Constants { c, dc, rows, along, shifted, h, hit_eps })
     }
 
     /// One iteration: the map, then the constant.
@@ -485,7 +491,7 @@ pub(super) fn compose_membership(
     let frame = Frame::default();
     let width = composer.graph.state_width(root);
     let carried = Carried::NOTHING;
-    let purpose = Purpose::March;
+    let purpose = Purpose::Estimate;
     let builder = OrbitBuilder { composer, settings, frame: &frame, width, carried, choice: &choice, purpose };
     let orbit = builder.build("membership".to_string(), root)?;
     let mut inputs = crate::kernel::Estimator::inputs();

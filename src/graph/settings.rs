@@ -239,7 +239,7 @@ pub const LEAST_STEP: f64 = 0.25;
 /// The same of a march of proofs, which walks at this step where nothing is proven. Of 26 systems quarters passed over
 /// thin features of six, eighths of one; of 12,000 hits at 640x360 16ths and 64ths passed over a few in a thousand, these
 /// over none. They cost no more: what the walk takes longer, shorter proofs save.
-pub const LEAST_STEP_OF_PROOFS: f64 = 1.0 / 256.0;
+pub const LEAST_STEP_OF_PROOFS: f64 = 1.0 / 128.0;
 
 /// What a file fixes about the estimate; `None` is chosen automatically.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]

@@ -7,7 +7,7 @@ use crate::kernel::{Backend, Estimator, Kernel, Orbit};
 
 /// The estimator of the whole field with `inside` as its only output: no derivative is carried.
 pub fn compose_membership(composer: &Composer, choices: &[Choice]) -> ComposeResult<Kernel> {
-    let mut estimator = compose_estimator(composer, choices, Purpose::March)?;
+    let mut estimator = compose_estimator(composer, choices, Purpose::Estimate)?;
     let arena = composer.arena;
     let combine = &mut estimator.combine;
     combine.outputs.retain(|(port, _)| port.name == "inside");

@@ -1,0 +1,55 @@
+//! Iterations follow the footprint: an orbit ends where its detail is below the hit threshold.
+//!
+//! Around the start point lies a ball as large as the hit threshold. While the orbit stays within the set's extent, the ball's
+//! image grows with the running derivative; once it is as wide as the whole set, some of the set lies within the
+//! threshold, whatever the later iterations do. So `max_iterations` is a ceiling, and what it adds below a pixel's
+//! size costs nothing and turns no surface into dust.
+
+use super::orbit::{Carried, OrbitBuilder, State};
+use super::{Choice, Purpose};
+use crate::expr::Expr;
+
+/// What the estimate of a march says of points that are as good as inside; others are never below 0.
+const RESOLVED: f64 = -1.0;
+
+/// Radius, in extents, that the threshold's image must have. With 2, which covers the set from any point of it, surfaces are
+/// as thick as the threshold and crevices close: depths were 4 footprints off and 90 % of the stops early. With 16 early
+/// stops were up to 30 %, with 128 up to 4 %. A factor of 8 is one iteration more of the power-8 bulb, three of a Mandelbox.
+const COVERS: f64 = 256.0;
+
+/// True where orbits end at the footprint: in marches by a method that carries a derivative, of a set of known extent.
+pub(super) fn follows_footprint(choice: &Choice, purpose: Purpose) -> bool {
+    let carried = Carried::of(choice, purpose);
+    let carries = carried.scalar || carried.jacobian || carried.along;
+    purpose == Purpose::March && carries && choice.extent > 0.0 && !choice.form.is_shape()
+}
+
+impl<'a> OrbitBuilder<'a> {
+    pub(super) fn follows_footprint(&self) -> bool {
+        follows_footprint(self.choice, self.purpose)
+    }
+
+    /// Whether the image of a ball of radius `hit_eps` around the start point is as wide as the set. The derivative of a
+    /// Jacobian is its Frobenius norm.
+    pub(super) fn is_resolved(&self, state: &State<'a>, hit_eps: Expr<'a>) -> Expr<'a> {
+        let reach = COVERS * self.choice.extent;
+        if let Some(dr) = state.dr {
+            return self.composer.arena.f(reach).lt(dr * hit_eps);
+        }
+        let squares = state.rows.iter().chain(&state.along).map(|row| row.dot(*row));
+        let square = squares.reduce(|a, b| a + b).unwrap_or_else(|| hit_eps.lift(0.0));
+        self.composer.arena.f(reach * reach).lt(square * (hit_eps * hit_eps))
+    }
+
+    /// The estimate of a march with the mark of what is resolved.
+    pub(super) fn mark_resolved(&self, state: &State<'a>, hit_eps: Expr<'a>, de: Expr<'a>) -> Expr<'a> {
+        let limit = self.settings.escape_radius * self.settings.escape_radius;
+        let stays = state.z.dot(state.z).le(self.composer.arena.f(limit));
+        stays.and(self.is_resolved(state, hit_eps)).select(de.lift(RESOLVED), de)
+    }
+}
+
+/// Whether an orbit's estimate marks a point as resolved.
+pub(super) fn is_marked<'g>(de: Expr<'g>) -> Expr<'g> {
+    de.lt(de.lift(0.0))
+}
