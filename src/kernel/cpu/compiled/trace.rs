@@ -182,7 +182,25 @@ impl<'a> Traced<'a> {
     }
 
     fn binary(self, operation: Binary, other: Self) -> Self {
+        if let Some(mask) = self.logic(operation, other) {
+            return self.recorder.number(Operation::FromMask(mask));
+        }
         self.recorder.number(Operation::Binary(operation, self.value, other.value))
+    }
+
+    /// Booleans are numbers on tapes (0 or 1); their products, maxima and complements are operations on masks.
+    fn logic(self, operation: Binary, other: Self) -> Option<Value> {
+        let mask = |x: Self| match self.recorder.operation(x.value) {
+            Operation::FromMask(mask) => Some(mask),
+            _ => None,
+        };
+        let logic = match (operation, mask(self), mask(other)) {
+            (Binary::Mul, Some(a), Some(b)) => Operation::MaskAnd(a, b),
+            (Binary::Max, Some(a), Some(b)) => Operation::MaskOr(a, b),
+            (Binary::Sub, None, Some(b)) if self.value == Self::splat(self.recorder, 1.0).value => Operation::MaskNot(b),
+            _ => return None,
+        };
+        Some(self.recorder.value(logic))
     }
 
     fn compare(self, comparison: Comparison, other: Self) -> TracedMask<'a> {
