@@ -93,8 +93,8 @@ impl Cpu {
     /// The instruction set in use and the number of rays that one pack holds.
     pub fn description(&self) -> String {
         match self.precision {
-            Precision::F64 if self.compiles => "cpu, f64, 8 rays at a time (machine code for AVX-512)".into(),
-            Precision::F32 if self.compiles => "cpu, f32, 16 rays at a time (machine code for AVX-512)".into(),
+            Precision::F64 if self.compiles => "cpu, f64, 16 rays at a time (machine code for AVX-512)".into(),
+            Precision::F32 if self.compiles => "cpu, f32, 32 rays at a time (machine code for AVX-512)".into(),
             Precision::F64 => "cpu, f64, 1 ray at a time (interpreted)".into(),
             Precision::F32 => {
                 let lanes = dispatch!(self.level, simd => pack_lanes(simd));
