@@ -25,7 +25,7 @@ use fearless_simd::{Level, Simd, dispatch};
 
 /// Points along each edge of a square, and squares.
 const EDGE: usize = 128;
-const SQUARES: usize = 4;
+const SQUARES: usize = 8;
 const ROUNDS: usize = 15;
 
 /// A point and the scalar derivative there.
@@ -43,6 +43,7 @@ trait ByHand {
     /// Half extent of the points.
     const EXTENT: f64;
     fn iterate<R: Real>(token: R::Token, iteration: usize, state: State<R>, c: [R; 3]) -> State<R>;
+    #[inline(always)]
     fn estimate<R: Real>(token: R::Token, r: R, dr: R) -> R {
         r * r.ln() * R::splat(token, 0.5) / dr
     }
@@ -231,7 +232,10 @@ fn peak<S: Simd>(token: S) -> f64 {
     const CHAINS: usize = 12;
     const LENGTH: usize = 200_000;
     let (a, b) = (Lanes::splat(token, black_box(0.999)), Lanes::splat(token, black_box(0.001)));
-    let mut chains = [Lanes::splat(token, black_box(1.0)); CHAINS];
+    let mut chains = [a; CHAINS];
+    for (number, chain) in chains.iter_mut().enumerate() {
+        *chain = Lanes::splat(token, black_box(number as f64));
+    }
     let time = seconds(
         #[inline(always)]
         || {
@@ -243,9 +247,11 @@ fn peak<S: Simd>(token: S) -> f64 {
         },
     );
     let mut end = [0.0; 64];
+    let mut sum = a;
     for chain in chains {
-        chain.store(&mut end);
+        sum = sum + chain;
     }
+    sum.store(&mut end);
     black_box(end);
     (CHAINS * LENGTH * <Lanes<S> as Pack>::LANES) as f64 / time
 }

@@ -378,10 +378,15 @@ impl Assembler {
         self.branch(Code::Jmp_rel32_64, to);
     }
 
-    /// Jumps when no lane of these masks is set.
+    /// Jumps when no lane of these masks is set. May overwrite the first mask that values take.
     pub(super) fn jump_if_none(&mut self, masks: &[u8], to: Label) {
-        let (first, last) = (masks[0], masks[masks.len() - 1]);
-        assert!(masks.len() <= 2, "one instruction looks at two masks");
+        // One instruction looks at two masks.
+        const EITHER: u8 = 1;
+        let (mut first, last) = (masks[0], masks[masks.len() - 1]);
+        for &number in masks.iter().take(masks.len() - 1).skip(1) {
+            self.mask_or(EITHER, first, number);
+            first = EITHER;
+        }
         self.push(Instruction::with2(VEX_Kortestw_kr_kr, mask(first), mask(last)).expect(VALID));
         self.branch(Code::Je_rel32_64, to);
     }

@@ -9,8 +9,8 @@ use super::assemble::ACTIVE;
 use super::segment::{Activity, Segment, Target};
 use super::trace::{Operation, Place, Value};
 
-/// Vectors in step. With two, waits that nothing fills are short already; code that is bound by the number of its
-/// operations, and keeps its values in memory for want of registers, takes as long as one vector after the other.
+/// Vectors in step. Marches take longer with more: fewer lanes are busy while the last of them iterates, and values go to
+/// memory for want of registers.
 pub(super) const COPIES: usize = 2;
 
 /// The mask register that holds the active lanes of a copy.

@@ -94,8 +94,13 @@ impl Compiled {
                 let count = LANES.min(len - from);
                 for (i, column) in inputs.iter().enumerate() {
                     let lanes = &mut frame.vectors[self.columns.inputs + i * self.copies + vector].0;
-                    lanes[..count].copy_from_slice(&column[from..from + count]);
-                    lanes[count..].fill(column[from + count - 1]);
+                    match column[from..].first_chunk() {
+                        Some(whole) => *lanes = *whole,
+                        None => {
+                            lanes[..count].copy_from_slice(&column[from..]);
+                            lanes[count..].fill(column[len - 1]);
+                        }
+                    }
                 }
             }
             self.call(frame, 0);
@@ -104,7 +109,10 @@ impl Compiled {
                 let count = LANES.min(len - from);
                 for (i, column) in outputs.iter_mut().enumerate() {
                     let lanes = &frame.vectors[self.columns.outputs + i * self.copies + vector].0;
-                    column[from..from + count].copy_from_slice(&lanes[..count]);
+                    match column[from..].first_chunk_mut() {
+                        Some(whole) => *whole = *lanes,
+                        None => column[from..].copy_from_slice(&lanes[..count]),
+                    }
                 }
             }
         }
