@@ -65,7 +65,7 @@ impl<T: Element, const LANES: usize> Frame<T, LANES> {
 
 impl Compiled {
     /// Runs the kernel on columns. `T` and `LANES` must be those that it was compiled for.
-    pub(super) fn run<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [Vec<T>]) {
+    pub(super) fn run<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
         assert_eq!(T::PRECISION, self.precision);
         let vectors = vec![Vector([T::default(); LANES]); self.slots];
         let mut frame = Frame { vectors, copies: self.copies };
@@ -85,7 +85,7 @@ impl Compiled {
         &self,
         frame: &mut Frame<T, LANES>,
         inputs: &[&[T]],
-        outputs: &mut [Vec<T>],
+        outputs: &mut [&mut [T]],
     ) {
         let len = inputs.first().map_or(0, |column| column.len());
         for at in (0..len).step_by(frame.lanes()) {
@@ -124,7 +124,7 @@ impl Compiled {
         frame: &mut Frame<T, LANES>,
         limit: f64,
         inputs: &[&[T]],
-        outputs: &mut [Vec<T>],
+        outputs: &mut [&mut [T]],
     ) {
         let first = self.columns.inputs;
         let mut waiting = 0..inputs[0].len();
