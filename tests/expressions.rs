@@ -5,6 +5,7 @@ use bulbfold::check::{Backends, Random, Target};
 use bulbfold::expr::ops::Operator;
 use bulbfold::expr::{Arena, Differentiator, Expr, Function, Port, Type};
 use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::work::Work;
 use bulbfold::kernel::{Backend, Kernel};
 
 /// Values that break things: zeros, folds, poles, halves, far and near. All finite; see `SPECIAL` for the others.
@@ -339,4 +340,38 @@ fn wide_single_precision_agrees_on_random_expressions() {
             assert!((double[i] - single[i]).abs() <= slack, "at {:?}: f64 {} f32 {}", points[i], double[i], single[i]);
         }
     }
+}
+
+/// The product of a complex number whose parts are vectors with one whose parts are numbers.
+fn complex_product<'g>([re, im]: [Expr<'g>; 2], by: [Expr<'g>; 2]) -> [Expr<'g>; 2] {
+    let [c, s] = by.map(|x| x.widen(3));
+    [re * c - im * s, im * c + re * s]
+}
+
+#[test]
+fn complex_numbers_meet_before_they_meet_vectors() {
+    let arena = Arena::default();
+    let ports = ["a", "b"].map(|name| Port::new(name, Type::V3));
+    let numbers = ["p", "p_im", "q", "q_im", "r", "r_im"].map(|name| Port::new(name, Type::F));
+    let mut function = Function::new("chain", ports.into_iter().chain(numbers).collect());
+    let vectors = [arena.input(0, Type::V3), arena.input(1, Type::V3)];
+    let factors = [2, 4, 6].map(|i| [arena.input(i, Type::F), arena.input(i + 1, Type::F)]);
+    let [re, im] = factors.into_iter().fold(vectors, complex_product);
+    function.output("re", re);
+    function.output("im", im);
+    let kernel = Kernel::Map(function);
+    // Two products of numbers, of two operations, and one of vectors, of six.
+    assert_eq!(Work::of(&arena, &kernel).total(1.0, 1.0), 10.0);
+
+    // (1 + 2i) (3 - i) (2 + i) is 5 + 15i; times the parts (1, 0), (0, 1) and (2, -3) of a + i b.
+    let cpu = Cpu::new(Precision::F64);
+    let columns: Vec<Vec<f64>> =
+        [1.0, 0.0, 2.0, 0.0, 1.0, -3.0, 1.0, 2.0, 3.0, -1.0, 2.0, 1.0].map(|x| vec![x]).to_vec();
+    let columns = cpu.upload(&columns).expect("columns fit");
+    let kernel = cpu.prepare(&arena, &kernel).expect("the CPU takes every kernel");
+    let result = cpu.run(&kernel, &[&columns]).expect("the CPU runs every kernel");
+    let result = cpu.download(&result).expect("the CPU holds every column");
+    let [re, im] = [5.0, 15.0];
+    let expected = [re, -im, 2.0 * re + 3.0 * im, im, re, 2.0 * im - 3.0 * re];
+    assert_eq!(result.concat(), expected);
 }

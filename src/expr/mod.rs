@@ -18,6 +18,7 @@ mod arena;
 pub mod differentiate;
 pub mod enclose;
 mod function;
+mod linear;
 pub mod ops;
 pub mod print;
 mod simplify;

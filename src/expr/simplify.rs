@@ -2,6 +2,7 @@
 //!
 //! Values never change but by rounding, with one exception that derivatives rely on: 0 times anything is 0.
 
+use super::linear::joined;
 use super::ops::Operator;
 use super::{Arena, Expr, Op, Type};
 
@@ -142,6 +143,9 @@ fn identity<'g>(operator: Operator, args: &[Expr<'g>], constants: &[Option<[f64;
         Operator::Add if is(0, 0.0) => Some(b),
         Operator::Add if is(1, 0.0) => Some(a),
         Operator::Add if a.id == b.id => Some(a * 2.0),
+        Operator::Add | Operator::Sub if width > 1 && a.id != b.id && joined(operator, a, b).is_some() => {
+            joined(operator, a, b)
+        }
         Operator::Add => match (negated(a), negated(b)) {
             (_, Some(y)) => Some(a - y),
             (Some(x), None) => Some(b - x),
@@ -185,7 +189,7 @@ fn identity<'g>(operator: Operator, args: &[Expr<'g>], constants: &[Option<[f64;
 }
 
 /// A vector that is a vector times one number: both of them.
-fn scalar_factor(product: Expr<'_>) -> Option<(Expr<'_>, Expr<'_>)> {
+pub(super) fn scalar_factor(product: Expr<'_>) -> Option<(Expr<'_>, Expr<'_>)> {
     let node = product.node();
     if node.op != Op::Apply(Operator::Mul) {
         return None;

@@ -31,7 +31,7 @@ pub(super) fn run_map<R: Machine + Pack, const K: usize>(
     token: R::Token,
     set: &TapeSet,
     inputs: &[&[R::Scalar]],
-    outputs: &mut [Vec<R::Scalar>],
+    outputs: &mut [&mut [R::Scalar]],
 ) {
     let tape = &set.tapes[0];
     let mut registers = set.register_file::<R, K>(token);
@@ -51,7 +51,7 @@ pub(super) fn run_estimates<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &EstimatorTapes,
     inputs: &[&[R::Scalar]],
-    outputs: &mut [Vec<R::Scalar>],
+    outputs: &mut [&mut [R::Scalar]],
 ) {
     debug_assert_eq!(POINT, Port::scalars(&Estimator::inputs()));
     let mut files = Files::<R, K>::new(token, tapes);

@@ -26,7 +26,7 @@ pub(super) fn run_march<R: Machine + Pack, const K: usize>(
     token: R::Token,
     tapes: &MarchTapes,
     inputs: &[&[R::Scalar]],
-    outputs: &mut [Vec<R::Scalar>],
+    outputs: &mut [&mut [R::Scalar]],
 ) where
     R::Scalar: Default,
 {
@@ -144,7 +144,7 @@ impl<T: Copy + Into<f64>> Rays<T> {
     }
 
     /// Writes out the rays that are done (all of them at the end) and moves the others together.
-    pub(super) fn retire(&mut self, outputs: &mut [Vec<T>], all: bool) {
+    pub(super) fn retire(&mut self, outputs: &mut [&mut [T]], all: bool) {
         let mut kept = 0;
         for i in 0..self.ids.len() {
             if all || !self.is_running(i) {

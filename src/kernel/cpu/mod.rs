@@ -11,8 +11,6 @@ mod interpret;
 mod march;
 mod tapes;
 
-use std::ops::Range;
-
 use fearless_simd::{Level, Simd, SimdBase, dispatch};
 use rayon::prelude::*;
 
@@ -93,8 +91,8 @@ impl Cpu {
     /// The instruction set in use and the number of rays that one pack holds.
     pub fn description(&self) -> String {
         match self.precision {
-            Precision::F64 if self.compiles => "cpu, f64, 8 rays at a time (machine code for AVX-512)".into(),
-            Precision::F32 if self.compiles => "cpu, f32, 16 rays at a time (machine code for AVX-512)".into(),
+            Precision::F64 if self.compiles => "cpu, f64, 16 rays at a time (machine code for AVX-512)".into(),
+            Precision::F32 if self.compiles => "cpu, f32, 32 rays at a time (machine code for AVX-512)".into(),
             Precision::F64 => "cpu, f64, 1 ray at a time (interpreted)".into(),
             Precision::F32 => {
                 let lanes = dispatch!(self.level, simd => pack_lanes(simd));
@@ -186,30 +184,25 @@ impl CpuColumns {
     }
 }
 
-/// Cuts the columns into groups, runs each, and puts the results together.
+/// Cuts the columns into groups and runs each.
 fn run_parallel<T: Copy + Default + Send + Sync>(
     kernel: &CpuKernel,
     inputs: &[&[T]],
-    run: impl Fn(&CpuKernel, &[&[T]], &mut [Vec<T>]) + Sync,
+    run: impl Fn(&CpuKernel, &[&[T]], &mut [&mut [T]]) + Sync,
 ) -> Vec<Vec<T>> {
     assert_eq!(inputs.len(), kernel.inputs, "columns must match the kernel's inputs");
     let len = inputs.first().map_or(0, |c| c.len());
-    let groups: Vec<Range<usize>> = (0..len).step_by(GROUP).map(|start| start..(start + GROUP).min(len)).collect();
-    let results: Vec<Vec<Vec<T>>> = groups
-        .into_par_iter()
-        .map(|range| {
-            let slices: Vec<&[T]> = inputs.iter().map(|c| &c[range.clone()]).collect();
-            let mut outputs = vec![vec![T::default(); range.len()]; kernel.outputs];
-            run(kernel, &slices, &mut outputs);
-            outputs
-        })
-        .collect();
-    let mut columns = vec![Vec::with_capacity(len); kernel.outputs];
-    for group in results {
-        for (column, part) in columns.iter_mut().zip(group) {
-            column.extend(part);
-        }
+    let mut columns = vec![vec![T::default(); len]; kernel.outputs];
+    // The parts of all columns that belong to one group.
+    let mut groups: Vec<Vec<&mut [T]>> = (0..len.div_ceil(GROUP)).map(|_| Vec::new()).collect();
+    for column in &mut columns {
+        groups.iter_mut().zip(column.chunks_mut(GROUP)).for_each(|(group, part)| group.push(part));
     }
+    groups.into_par_iter().enumerate().for_each(|(number, mut outputs)| {
+        let range = number * GROUP..((number + 1) * GROUP).min(len);
+        let slices: Vec<&[T]> = inputs.iter().map(|c| &c[range.clone()]).collect();
+        run(kernel, &slices, &mut outputs);
+    });
     columns
 }
 
@@ -218,7 +211,7 @@ fn run_group<R: Machine + Pack, const K: usize>(
     token: R::Token,
     kernel: &CpuKernel,
     inputs: &[&[R::Scalar]],
-    outputs: &mut [Vec<R::Scalar>],
+    outputs: &mut [&mut [R::Scalar]],
 ) where
     R::Scalar: Default,
 {

@@ -16,7 +16,7 @@ pub(super) const VECTOR: usize = 64;
 const FRAME: Register = Register::RBX;
 /// Points at the constants.
 const CONSTANTS: Register = Register::R12;
-/// The mask of active lanes.
+/// The mask of active lanes; those of further copies lie before it.
 pub(super) const ACTIVE: u8 = 7;
 
 /// The last source of an instruction.
@@ -175,22 +175,18 @@ impl Assembler {
         self.push(instruction);
     }
 
-    /// Copies into a register where lanes are active.
-    pub(super) fn merge(&mut self, dst: u8, source: u8) {
+    /// Copies into a register where a mask is set.
+    pub(super) fn merge(&mut self, dst: u8, condition: u8, source: u8) {
         let code = self.form(EVEX_Vmovaps_zmm_k1z_zmmm512, EVEX_Vmovapd_zmm_k1z_zmmm512);
         let mut instruction = self.two(code, vector(dst), Source::Register(source));
-        instruction.set_op_mask(mask(ACTIVE));
+        instruction.set_op_mask(mask(condition));
         self.push(instruction);
     }
 
-    /// Stores a register; only active lanes if `merge`.
-    pub(super) fn store(&mut self, to: u16, source: u8, merge: bool) {
+    /// Stores a register.
+    pub(super) fn store(&mut self, to: u16, source: u8) {
         let code = self.form(EVEX_Vmovaps_zmmm512_k1z_zmm, EVEX_Vmovapd_zmmm512_k1z_zmm);
-        let mut instruction = Instruction::with2(code, slot(to), vector(source)).expect(VALID);
-        if merge {
-            instruction.set_op_mask(mask(ACTIVE));
-        }
-        self.push(instruction);
+        self.push(Instruction::with2(code, slot(to), vector(source)).expect(VALID));
     }
 
     pub(super) fn unary(&mut self, operation: Unary, dst: u8, a: Source) {
@@ -292,12 +288,16 @@ impl Assembler {
     }
 
     pub(super) fn compare(&mut self, comparison: Comparison, dst: u8, a: u8, b: Source) {
-        // Ordered comparisons: false where an argument is not a number.
+        // False where an argument is not a number, but for the inverse ones.
         let predicate: u32 = match comparison {
             Comparison::Less => 17,
             Comparison::LessOrEqual => 18,
             Comparison::Equal => 0,
             Comparison::IsTrue => 30,
+            Comparison::NotLess => 21,
+            Comparison::NotLessOrEqual => 22,
+            Comparison::NotEqual => 4,
+            Comparison::NotTrue => 26,
         };
         let code = self.form(EVEX_Vcmpps_kr_k1_zmm_zmmm512b32_imm8_sae, EVEX_Vcmppd_kr_k1_zmm_zmmm512b64_imm8_sae);
         let (dst, a) = (mask(dst), vector(a));
@@ -378,19 +378,29 @@ impl Assembler {
         self.branch(Code::Jmp_rel32_64, to);
     }
 
-    /// Jumps when no lane is active.
-    pub(super) fn jump_if_none_active(&mut self, to: Label) {
-        let active = mask(ACTIVE);
-        self.push(Instruction::with2(VEX_Kortestw_kr_kr, active, active).expect(VALID));
+    /// Jumps when no lane of these masks is set. May overwrite the first mask that values take.
+    pub(super) fn jump_if_none(&mut self, masks: &[u8], to: Label) {
+        // One instruction looks at two masks.
+        const EITHER: u8 = 1;
+        let (mut first, last) = (masks[0], masks[masks.len() - 1]);
+        for &number in masks.iter().take(masks.len() - 1).skip(1) {
+            self.mask_or(EITHER, first, number);
+            first = EITHER;
+        }
+        self.push(Instruction::with2(VEX_Kortestw_kr_kr, mask(first), mask(last)).expect(VALID));
         self.branch(Code::Je_rel32_64, to);
     }
 
-    /// Jumps when at least as many lanes are active as the caller asked for.
-    pub(super) fn jump_if_enough_active(&mut self, to: Label) {
-        let (eax, wanted) = (Register::EAX, Register::R15D);
-        self.push(Instruction::with2(VEX_Kmovw_r32_kr, eax, mask(ACTIVE)).expect(VALID));
-        self.push(Instruction::with2(Code::Popcnt_r32_rm32, eax, eax).expect(VALID));
-        self.push(Instruction::with2(Code::Cmp_r32_rm32, eax, wanted).expect(VALID));
+    /// Jumps when at least as many lanes of these masks are set as the caller asked for.
+    pub(super) fn jump_if_enough(&mut self, masks: &[u8], to: Label) {
+        let (count, sum, wanted) = (Register::EAX, Register::ECX, Register::R15D);
+        self.push(Instruction::with2(Code::Xor_r32_rm32, sum, sum).expect(VALID));
+        for &number in masks {
+            self.push(Instruction::with2(VEX_Kmovw_r32_kr, count, mask(number)).expect(VALID));
+            self.push(Instruction::with2(Code::Popcnt_r32_rm32, count, count).expect(VALID));
+            self.push(Instruction::with2(Code::Add_r32_rm32, sum, count).expect(VALID));
+        }
+        self.push(Instruction::with2(Code::Cmp_r32_rm32, sum, wanted).expect(VALID));
         self.branch(Code::Jae_rel32_64, to);
     }
 

@@ -5,14 +5,17 @@
 
 use std::ops::Range;
 
-use super::assemble::{ACTIVE, Assembler, Function, Fused, Source};
+use super::assemble::{Assembler, Function, Fused, Source};
+use super::copies::active_mask;
 use super::segment::{Activity, CallSlots, Segment, Slots, Target};
 use super::trace::{Binary, Operation, Place, Unary, Value};
 
 /// Vector registers of the machine.
 pub(super) const REGISTERS: u8 = 32;
-/// Mask registers that values may take; the last of the machine's is [`ACTIVE`], its first cannot hold one.
-const MASKS: std::ops::Range<u8> = 1..ACTIVE;
+/// The first mask register that values may take: the machine's first cannot hold one, its last are the active lanes.
+const FIRST_MASK: u8 = 1;
+/// Mask registers of the machine.
+const MASKS: usize = 8;
 
 impl Segment {
     /// Writes the code. Registers from `limit` on are set aside.
@@ -49,7 +52,9 @@ struct Emitter<'a> {
     /// Slots whose values are dead, but which the current operation may still read from.
     dying_slots: Vec<u16>,
     vectors: [Option<Value>; REGISTERS as usize],
-    masks: [Option<Value>; ACTIVE as usize],
+    masks: [Option<Value>; MASKS],
+    /// Copies in step; each has a mask register for its active lanes.
+    copies: u8,
 }
 
 impl<'a> Emitter<'a> {
@@ -62,7 +67,7 @@ impl<'a> Emitter<'a> {
     ) -> Emitter<'a> {
         let count = segment.operations.len();
         let mut uses = vec![Vec::new(); count];
-        let end = segment.outputs.iter().map(|o| o.0).chain(segment.activity_value());
+        let end = segment.outputs.iter().map(|o| o.0).chain(segment.activity_values());
         end.for_each(|value| uses[value as usize].push(count as u32));
         let needed = segment.needed();
         for i in (0..count).rev().filter(|&i| needed[i]) {
@@ -81,7 +86,8 @@ impl<'a> Emitter<'a> {
             spilled: vec![false; count],
             dying_slots: Vec::new(),
             vectors: [None; REGISTERS as usize],
-            masks: [None; ACTIVE as usize],
+            masks: [None; MASKS],
+            copies: segment.activity.len() as u8,
         };
         for (i, operation) in segment.operations.iter().enumerate() {
             match *operation {
@@ -93,7 +99,7 @@ impl<'a> Emitter<'a> {
                     emitter.home[i] = Some(register);
                     emitter.vectors[register as usize] = Some(i as Value);
                 }
-                Operation::Read(Place::Active) => emitter.home[i] = Some(ACTIVE),
+                Operation::Read(Place::Active(copy)) => emitter.home[i] = Some(active_mask(copy)),
                 _ => {}
             }
         }
@@ -122,7 +128,7 @@ impl<'a> Emitter<'a> {
         let (Some(home), slot) = (self.home[i], self.slots.take()) else { return };
         match self.operations[i].is_mask() {
             true => self.assembler.mask_store(slot, home),
-            false => self.assembler.store(slot, home, false),
+            false => self.assembler.store(slot, home),
         }
         self.memory[i] = Some(Source::Slot(slot));
         self.spilled[i] = true;
@@ -136,7 +142,11 @@ impl<'a> Emitter<'a> {
 
     /// The same for a mask register.
     fn take_mask(&mut self, keep: &[Value]) -> u8 {
-        self.take(MASKS, keep, |emitter, r| &mut emitter.masks[r as usize])
+        self.take(FIRST_MASK..self.end_of_masks(), keep, |emitter, r| &mut emitter.masks[r as usize])
+    }
+
+    fn end_of_masks(&self) -> u8 {
+        active_mask(self.copies - 1)
     }
 
     fn take(
@@ -222,8 +232,7 @@ impl<'a> Emitter<'a> {
                 && home < REGISTERS
             {
                 match self.operations[i].is_mask() {
-                    true if home < ACTIVE => self.masks[home as usize] = None,
-                    true => {}
+                    true => self.masks[home as usize] = None,
                     false => self.vectors[home as usize] = None,
                 }
             }
@@ -357,7 +366,7 @@ impl<'a> Emitter<'a> {
     fn call(&mut self, function: Function, arguments: [Value; 2]) {
         for (i, argument) in arguments.into_iter().enumerate() {
             let register = self.register(argument, &arguments);
-            self.assembler.store(self.calls.first + i as u16, register, false);
+            self.assembler.store(self.calls.first + i as u16, register);
         }
         self.retire(arguments.into_iter());
         let live = self.vectors.iter().chain(&self.masks).flatten().copied().collect::<Vec<_>>();
@@ -366,17 +375,20 @@ impl<'a> Emitter<'a> {
             self.home[value as usize] = None;
         }
         self.vectors = [None; REGISTERS as usize];
-        self.masks = [None; ACTIVE as usize];
-        self.assembler.mask_store(self.calls.first + 4, ACTIVE);
+        self.masks = [None; MASKS];
+        let saved = |copy: u8| (active_mask(copy), self.calls.first + 4 + u16::from(copy));
+        (0..self.copies).map(saved).for_each(|(mask, slot)| self.assembler.mask_store(slot, mask));
         self.assembler.call(function, self.calls.first);
-        self.assembler.mask_load(ACTIVE, self.calls.first + 4);
+        (0..self.copies).map(saved).for_each(|(mask, slot)| self.assembler.mask_load(mask, slot));
     }
 
     fn finish(&mut self, segment: &Segment) {
         self.at = self.operations.len() as u32;
-        if let Activity::Become(mask) = segment.activity {
-            let mask = self.mask_register(mask, &[]);
-            self.assembler.mask_copy(ACTIVE, mask);
+        for (copy, activity) in segment.activity.iter().enumerate() {
+            if let Activity::Become(mask) = *activity {
+                let mask = self.mask_register(mask, &[]);
+                self.assembler.mask_copy(active_mask(copy as u8), mask);
+            }
         }
         self.move_out_of_the_way(segment);
         for (value, target) in &segment.outputs {
@@ -385,15 +397,19 @@ impl<'a> Emitter<'a> {
             }
             let register = self.register(*value, &[]);
             match *target {
-                Target::Slot(slot) => self.assembler.store(slot, register, false),
-                Target::ActiveSlot(slot) => self.assembler.store(slot, register, true),
+                Target::Slot(slot) => self.assembler.store(slot, register),
                 Target::Register(to) => self.assembler.load(to, Source::Register(register)),
-                Target::ActiveRegister(to) => self.assembler.merge(to, register),
+                // Registers of a state lie by copy.
+                Target::ActiveRegister(to) => {
+                    self.assembler.merge(to, active_mask((to - self.limit) % self.copies), register);
+                }
             }
         }
-        if let Activity::Lose(mask) = segment.activity {
-            let mask = self.mask_register(mask, &[]);
-            self.assembler.mask_and_not(ACTIVE, mask, ACTIVE);
+        for (copy, activity) in segment.activity.iter().enumerate() {
+            if let Activity::Lose(mask) = *activity {
+                let (mask, active) = (self.mask_register(mask, &[]), active_mask(copy as u8));
+                self.assembler.mask_and_not(active, mask, active);
+            }
         }
         for i in 0..self.operations.len() {
             if let (true, Some(Source::Slot(slot))) = (self.spilled[i], self.memory[i]) {
@@ -405,7 +421,7 @@ impl<'a> Emitter<'a> {
     /// True when an output is an input that stays where it is.
     fn is_there(&self, value: Value, target: Target) -> bool {
         match (self.operations[value as usize], target) {
-            (Operation::Read(Place::Slot(from)), Target::Slot(to) | Target::ActiveSlot(to)) => from == to,
+            (Operation::Read(Place::Slot(from)), Target::Slot(to)) => from == to,
             (Operation::Read(Place::Register(from)), Target::Register(to) | Target::ActiveRegister(to)) => from == to,
             _ => false,
         }
@@ -420,7 +436,7 @@ impl<'a> Emitter<'a> {
             }
             let overwritten = |place: Place| {
                 segment.outputs.iter().any(|(_, other)| match (place, *other) {
-                    (Place::Slot(from), Target::Slot(to) | Target::ActiveSlot(to)) => from == to,
+                    (Place::Slot(from), Target::Slot(to)) => from == to,
                     (Place::Register(from), Target::Register(to) | Target::ActiveRegister(to)) => from == to,
                     _ => false,
                 })

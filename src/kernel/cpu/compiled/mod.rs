@@ -1,11 +1,12 @@
 //! Tapes as machine code, for processors with AVX-512: what the interpreter does, without its loads and stores.
 //!
-//! A kernel becomes one function over a frame of vectors, 16 rays in step (8 in f64), with its loops: rays, orbits' states and
+//! A kernel becomes one function over a frame of vectors, two of 16 rays in step (of 8 in f64), with its loops: rays, orbits' states and
 //! temporaries stay in registers, and lanes that are done keep their values by masked moves. Results are those of the
 //! interpreter to the last bit. [`trace`] says what is computed, [`emit`] in which registers, [`assemble`] in which
 //! bytes. Other processors, and systems that allow no such code, have the interpreter.
 
 mod assemble;
+mod copies;
 mod emit;
 mod kernels;
 mod kit;
@@ -16,7 +17,7 @@ use self::assemble::MachineCode;
 pub(super) use self::kernels::compile;
 use crate::kernel::Status;
 use crate::kernel::cpu::Precision;
-use crate::kernel::cpu::march::{COLUMNS, RAY, STATUS, STEPS, start_of};
+use crate::kernel::cpu::march::{RAY, STATUS, STEPS, start_of};
 
 /// One vector of the frame.
 #[repr(C, align(64))]
@@ -26,50 +27,93 @@ pub(super) struct Vector<T, const LANES: usize>([T; LANES]);
 /// A kernel as machine code.
 pub(super) struct Compiled {
     precision: Precision,
+    /// Vectors in step.
+    copies: usize,
     code: MachineCode,
     /// Vectors of the frame.
     slots: usize,
-    /// First vector of the inputs; they lie behind each other.
-    inputs: u16,
+    columns: Columns,
+}
+
+/// Where a kernel's columns lie in the frame: one behind the other, each as many vectors as there are in step.
+struct Columns {
+    /// First vector of the inputs.
+    inputs: usize,
     /// First vector of the outputs.
-    outputs: u16,
+    outputs: usize,
     /// Most steps of a ray, where this is a march.
     max_march_steps: Option<f64>,
 }
 
+/// The vectors that machine code works on.
+struct Frame<T, const LANES: usize> {
+    vectors: Vec<Vector<T, LANES>>,
+    copies: usize,
+}
+
+impl<T: Element, const LANES: usize> Frame<T, LANES> {
+    /// Elements in step.
+    fn lanes(&self) -> usize {
+        LANES * self.copies
+    }
+
+    /// One lane of the column that is number `column` of those from the vector `first` on.
+    fn lane(&mut self, first: usize, column: usize, lane: usize) -> &mut T {
+        &mut self.vectors[first + column * self.copies + lane / LANES].0[lane % LANES]
+    }
+}
+
 impl Compiled {
     /// Runs the kernel on columns. `T` and `LANES` must be those that it was compiled for.
-    pub(super) fn run<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [Vec<T>]) {
+    pub(super) fn run<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
         assert_eq!(T::PRECISION, self.precision);
-        let mut frame = vec![Vector([T::default(); LANES]); self.slots];
-        match self.max_march_steps {
+        let vectors = vec![Vector([T::default(); LANES]); self.slots];
+        let mut frame = Frame { vectors, copies: self.copies };
+        match self.columns.max_march_steps {
             Some(limit) => self.march(&mut frame, limit, inputs, outputs),
             None => self.map(&mut frame, inputs, outputs),
         }
     }
 
-    fn call<T, const LANES: usize>(&self, frame: &mut [Vector<T, LANES>], wanted: u32) {
-        debug_assert_eq!(frame.len(), self.slots);
+    fn call<T, const LANES: usize>(&self, frame: &mut Frame<T, LANES>, wanted: u32) {
+        debug_assert_eq!(frame.vectors.len(), self.slots);
         // SAFETY: `compile` makes code only at the level `Avx512`, and `run` makes the frame as long as it says.
-        unsafe { self.code.run(frame, wanted) }
+        unsafe { self.code.run(&mut frame.vectors, wanted) }
     }
 
     fn map<T: Element, const LANES: usize>(
         &self,
-        frame: &mut [Vector<T, LANES>],
+        frame: &mut Frame<T, LANES>,
         inputs: &[&[T]],
-        outputs: &mut [Vec<T>],
+        outputs: &mut [&mut [T]],
     ) {
         let len = inputs.first().map_or(0, |column| column.len());
-        for at in (0..len).step_by(LANES) {
-            let count = LANES.min(len - at);
-            for (column, vector) in inputs.iter().zip(&mut frame[self.inputs as usize..]) {
-                vector.0[..count].copy_from_slice(&column[at..at + count]);
-                vector.0[count..].fill(column[at + count - 1]);
+        for at in (0..len).step_by(frame.lanes()) {
+            for vector in 0..self.copies {
+                let from = (at + vector * LANES).min(len - 1);
+                let count = LANES.min(len - from);
+                for (i, column) in inputs.iter().enumerate() {
+                    let lanes = &mut frame.vectors[self.columns.inputs + i * self.copies + vector].0;
+                    match column[from..].first_chunk() {
+                        Some(whole) => *lanes = *whole,
+                        None => {
+                            lanes[..count].copy_from_slice(&column[from..]);
+                            lanes[count..].fill(column[len - 1]);
+                        }
+                    }
+                }
             }
             self.call(frame, 0);
-            for (column, vector) in outputs.iter_mut().zip(&frame[self.outputs as usize..]) {
-                column[at..at + count].copy_from_slice(&vector.0[..count]);
+            for vector in 0..self.copies {
+                let from = (at + vector * LANES).min(len);
+                let count = LANES.min(len - from);
+                for (i, column) in outputs.iter_mut().enumerate() {
+                    let lanes = &frame.vectors[self.columns.outputs + i * self.copies + vector].0;
+                    match column[from..].first_chunk_mut() {
+                        Some(whole) => *whole = *lanes,
+                        None => column[from..].copy_from_slice(&lanes[..count]),
+                    }
+                }
             }
         }
     }
@@ -77,33 +121,34 @@ impl Compiled {
     /// Marches rays; each that is done makes room for the next.
     fn march<T: Element, const LANES: usize>(
         &self,
-        frame: &mut [Vector<T, LANES>],
+        frame: &mut Frame<T, LANES>,
         limit: f64,
         inputs: &[&[T]],
-        outputs: &mut [Vec<T>],
+        outputs: &mut [&mut [T]],
     ) {
+        let first = self.columns.inputs;
         let mut waiting = 0..inputs[0].len();
-        let mut rays = [None; LANES];
-        let columns = self.inputs as usize..self.inputs as usize + COLUMNS;
-        frame[columns.start + STATUS].0.fill(T::from_f64(Status::Miss.code()));
+        let mut rays = vec![None; frame.lanes()];
+        (0..rays.len()).for_each(|lane| *frame.lane(first, STATUS, lane) = T::from_f64(Status::Miss.code()));
         // With fewer lanes running than this, finished rays make room for others.
-        let enough = (LANES * 13 / 16) as u32;
+        let enough = (frame.lanes() * 15 / 16) as u32;
         loop {
             for (lane, ray) in rays.iter_mut().enumerate() {
-                let columns = &mut frame[columns.clone()];
-                let value = |column: usize| -> f64 { columns[column].0[lane].into() };
-                if value(STATUS) == 0.0 && value(STEPS) < limit {
+                let (status, steps): (f64, f64) =
+                    ((*frame.lane(first, STATUS, lane)).into(), (*frame.lane(first, STEPS, lane)).into());
+                if status == 0.0 && steps < limit {
                     continue;
                 }
                 if let Some(ray) = ray.take() {
-                    for (output, vector) in outputs.iter_mut().zip(&columns[RAY..]) {
-                        output[ray] = vector.0[lane];
+                    for (i, output) in outputs.iter_mut().enumerate() {
+                        output[ray] = *frame.lane(first, RAY + i, lane);
                     }
                 }
                 if let Some(next) = waiting.next() {
                     *ray = Some(next);
-                    let values = start_of(inputs, next).map(T::from_f64);
-                    columns.iter_mut().zip(values).for_each(|(vector, value)| vector.0[lane] = value);
+                    for (i, value) in start_of(inputs, next).into_iter().enumerate() {
+                        *frame.lane(first, i, lane) = T::from_f64(value);
+                    }
                 }
             }
             if rays.iter().all(Option::is_none) {

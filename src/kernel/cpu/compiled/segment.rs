@@ -1,5 +1,6 @@
 //! Straight-line code: recorded operations, where their results go, and the frame's vectors.
 
+use super::copies::COPIES;
 use super::kit::Kits;
 use super::trace::{Operation, Place, Value};
 
@@ -7,8 +8,6 @@ use super::trace::{Operation, Place, Value};
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Target {
     Slot(u16),
-    /// A slot, in active lanes only.
-    ActiveSlot(u16),
     /// A register that is set aside.
     Register(u8),
     /// The same, in active lanes only.
@@ -29,7 +28,8 @@ pub(super) enum Activity {
 pub(super) struct Segment {
     pub(super) operations: Vec<Operation>,
     pub(super) outputs: Vec<(Value, Target)>,
-    pub(super) activity: Activity,
+    /// Of each copy.
+    pub(super) activity: Vec<Activity>,
 }
 
 /// Vectors of the frame.
@@ -61,7 +61,7 @@ impl Slots {
     }
 }
 
-/// Slots that calls use: two arguments, two results, and the active lanes meanwhile.
+/// Slots that calls use: two arguments, two results, and the active lanes of all copies meanwhile.
 #[derive(Clone, Copy)]
 pub(super) struct CallSlots {
     pub(super) first: u16,
@@ -69,14 +69,14 @@ pub(super) struct CallSlots {
 }
 
 impl CallSlots {
-    pub(super) const COUNT: usize = 5;
+    pub(super) const COUNT: usize = 4 + COPIES;
 }
 
 impl Segment {
     /// Numbers the operations that the outputs need.
     pub(super) fn needed(&self) -> Vec<bool> {
         let mut needed = vec![false; self.operations.len()];
-        for value in self.outputs.iter().map(|o| o.0).chain(self.activity_value()) {
+        for value in self.outputs.iter().map(|o| o.0).chain(self.activity_values()) {
             needed[value as usize] = true;
         }
         for i in (0..self.operations.len()).rev().filter(|&i| self.operations[i].sources().next().is_some()) {
@@ -87,11 +87,11 @@ impl Segment {
         needed
     }
 
-    pub(super) fn activity_value(&self) -> Option<Value> {
-        match self.activity {
+    pub(super) fn activity_values(&self) -> impl Iterator<Item = Value> {
+        self.activity.iter().filter_map(|activity| match *activity {
             Activity::Unchanged => None,
             Activity::Become(value) | Activity::Lose(value) => Some(value),
-        }
+        })
     }
 
     /// True when a function is called, which takes all registers.

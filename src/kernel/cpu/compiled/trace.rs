@@ -22,8 +22,8 @@ pub(super) enum Place {
     Slot(u16),
     /// A machine register that is set aside, by number.
     Register(u8),
-    /// The mask of active lanes.
-    Active,
+    /// The mask of active lanes of a copy, by number.
+    Active(u8),
 }
 
 /// One machine-level operation on all lanes.
@@ -81,6 +81,27 @@ pub(super) enum Comparison {
     Equal,
     /// Of a boolean held as a number: true above one half.
     IsTrue,
+    NotLess,
+    NotLessOrEqual,
+    NotEqual,
+    NotTrue,
+}
+
+impl Comparison {
+    /// True where this one is false, which is also where an argument is not a number.
+    fn inverse(self) -> Comparison {
+        use Comparison::*;
+        match self {
+            Less => NotLess,
+            LessOrEqual => NotLessOrEqual,
+            Equal => NotEqual,
+            IsTrue => NotTrue,
+            NotLess => Less,
+            NotLessOrEqual => LessOrEqual,
+            NotEqual => Equal,
+            NotTrue => IsTrue,
+        }
+    }
 }
 
 /// Functions that are called rather than written out.
@@ -110,10 +131,31 @@ impl Operation {
         list.into_iter().flatten()
     }
 
+    /// The same operation on other values.
+    pub(super) fn with_sources(self, to: impl Fn(Value) -> Value) -> Operation {
+        use Operation::*;
+        match self {
+            Constant(_) | Read(_) => self,
+            Unary(unary, a) => Unary(unary, to(a)),
+            FromMask(a) => FromMask(to(a)),
+            MaskNot(a) => MaskNot(to(a)),
+            Second(a) => Second(to(a)),
+            Binary(binary, a, b) => Binary(binary, to(a), to(b)),
+            Compare(comparison, a, b) => Compare(comparison, to(a), to(b)),
+            MaskAnd(a, b) => MaskAnd(to(a), to(b)),
+            MaskOr(a, b) => MaskOr(to(a), to(b)),
+            Call(kit, a, b) => Call(kit, to(a), to(b)),
+            Select(a, b, c) => Select(to(a), to(b), to(c)),
+            MulAdd { a, b, c, minus_product, minus_c } => {
+                MulAdd { a: to(a), b: to(b), c: to(c), minus_product, minus_c }
+            }
+        }
+    }
+
     /// True when the result is a mask.
     pub(super) fn is_mask(self) -> bool {
         use Operation::*;
-        matches!(self, Compare(..) | MaskAnd(..) | MaskOr(..) | MaskNot(_) | Read(Place::Active))
+        matches!(self, Compare(..) | MaskAnd(..) | MaskOr(..) | MaskNot(_) | Read(Place::Active(_)))
     }
 }
 
@@ -145,11 +187,19 @@ impl Recorder {
 
     /// The lanes that are active when the segment starts, as a mask.
     pub(super) fn active(&self) -> TracedMask<'_> {
-        TracedMask { value: self.value(Operation::Read(Place::Active)), recorder: self }
+        TracedMask { value: self.value(Operation::Read(Place::Active(0))), recorder: self }
     }
 
     fn number(&self, operation: Operation) -> Traced<'_> {
         Traced { value: self.value(operation), recorder: self }
+    }
+
+    /// The opposite of a mask.
+    fn inverse(&self, mask: Value) -> Operation {
+        match self.operation(mask) {
+            Operation::Compare(comparison, a, b) => Operation::Compare(comparison.inverse(), a, b),
+            _ => Operation::MaskNot(mask),
+        }
     }
 
     fn operation(&self, value: Value) -> Operation {
@@ -182,7 +232,25 @@ impl<'a> Traced<'a> {
     }
 
     fn binary(self, operation: Binary, other: Self) -> Self {
+        if let Some(mask) = self.logic(operation, other) {
+            return self.recorder.number(Operation::FromMask(mask));
+        }
         self.recorder.number(Operation::Binary(operation, self.value, other.value))
+    }
+
+    /// Booleans are numbers on tapes (0 or 1); their products, maxima and complements are operations on masks.
+    fn logic(self, operation: Binary, other: Self) -> Option<Value> {
+        let mask = |x: Self| match self.recorder.operation(x.value) {
+            Operation::FromMask(mask) => Some(mask),
+            _ => None,
+        };
+        let logic = match (operation, mask(self), mask(other)) {
+            (Binary::Mul, Some(a), Some(b)) => Operation::MaskAnd(a, b),
+            (Binary::Max, Some(a), Some(b)) => Operation::MaskOr(a, b),
+            (Binary::Sub, None, Some(b)) if self.is(1.0) => self.recorder.inverse(b),
+            _ => return None,
+        };
+        Some(self.recorder.value(logic))
     }
 
     fn compare(self, comparison: Comparison, other: Self) -> TracedMask<'a> {
@@ -192,6 +260,10 @@ impl<'a> Traced<'a> {
 
     fn call(self, kit: Kit, other: Self) -> Self {
         self.recorder.number(Operation::Call(kit, self.value, other.value))
+    }
+
+    fn is(self, x: f64) -> bool {
+        self.value == Self::splat(self.recorder, x).value
     }
 
     /// The value without its sign change, and whether it had one.
@@ -220,7 +292,12 @@ impl Sub for Traced<'_> {
 impl Mul for Traced<'_> {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
-        self.binary(Binary::Mul, other)
+        // The same bits, and the units that multiply are the busy ones.
+        match (self.is(2.0), other.is(2.0)) {
+            (_, true) => self + self,
+            (true, _) => other + other,
+            _ => self.binary(Binary::Mul, other),
+        }
     }
 }
 
@@ -333,7 +410,7 @@ impl<'a> Real for Traced<'a> {
     }
 
     fn mask_not(a: TracedMask<'a>) -> TracedMask<'a> {
-        TracedMask { value: a.recorder.value(Operation::MaskNot(a.value)), ..a }
+        TracedMask { value: a.recorder.value(a.recorder.inverse(a.value)), ..a }
     }
 
     fn from_mask(recorder: &'a Recorder, mask: TracedMask<'a>) -> Self {
