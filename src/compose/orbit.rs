@@ -45,7 +45,7 @@ impl Carried {
     pub(super) const NOTHING: Carried =
         Carried { scalar: false, jacobian: false, along: false, shifted: Shifted::None, traps: false };
 
-    fn of(choice: &Choice, purpose: Purpose) -> Carried {
+    pub(super) fn of(choice: &Choice, purpose: Purpose) -> Carried {
         if purpose == Purpose::Surface {
             let shifted = if choice.differentiable { Shifted::None } else { Shifted::Axes };
             return Carried { jacobian: choice.differentiable, shifted, traps: true, ..Carried::NOTHING };
@@ -78,7 +78,7 @@ pub(super) struct State<'g> {
 }
 
 impl<'g> State<'g> {
-    fn parts(&self) -> Vec<(String, Expr<'g>)> {
+    pub(super) fn parts(&self) -> Vec<(String, Expr<'g>)> {
         let numbered = |name: &'static str, list: &[Expr<'g>]| {
             let axes = ["x", "y", "z", "w"];
             list.iter().zip(axes).map(|(e, axis)| (format!("{name}_{axis}"), *e)).collect::<Vec<_>>()
@@ -93,7 +93,7 @@ impl<'g> State<'g> {
     }
 
     /// The same parts as inputs of a function, starting at input `first`.
-    fn as_inputs(&self, first: usize) -> State<'g> {
+    pub(super) fn as_inputs(&self, first: usize) -> State<'g> {
         let mut next = first as u16;
         let mut input = |e: Expr<'g>| {
             next += 1;
@@ -109,7 +109,7 @@ impl<'g> State<'g> {
         }
     }
 
-    fn ports(&self) -> Vec<Port> {
+    pub(super) fn ports(&self) -> Vec<Port> {
         self.parts().into_iter().map(|(name, e)| Port::new(name, e.ty())).collect()
     }
 }
@@ -197,7 +197,7 @@ impl<'a> OrbitBuilder<'a> {
     }
 
     /// Start values as expressions of the [`EstimatorInputs`].
-    fn start(&self) -> ComposeResult<(State<'a>, Constants<'a>)> {
+    pub(super) fn start(&self) -> ComposeResult<(State<'a>, Constants<'a>)> {
         let arena = self.composer.arena;
         let EstimatorInputs { p, d, h, .. } = EstimatorInputs::new(arena);
         let offsets = match self.carried.shifted {
@@ -238,7 +238,7 @@ impl<'a> OrbitBuilder<'a> {
     }
 
     /// Makes the `init` function; what iterations read of the start point becomes frozen inputs unless it is constant.
-    fn freeze(
+    pub(super) fn freeze(
         &self,
         name: &str,
         start: &State<'a>,
@@ -275,7 +275,7 @@ impl<'a> OrbitBuilder<'a> {
     }
 
     /// One iteration: the map, then the constant.
-    fn iterate(
+    pub(super) fn iterate(
         &self,
         item: &IterationMap,
         state: &State<'a>,

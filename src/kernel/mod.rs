@@ -5,6 +5,7 @@
 //! numbers, one a scalar of the kernel's inputs; out come columns of its outputs. A back end is a [`Backend`]: the
 //! [`cpu`] interpreter in f64 or wide f32, and the `gpu` back end through generated [`wgsl`].
 
+pub mod cost;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
