@@ -143,9 +143,9 @@ pub(super) fn compose_orbit(
         return super::certified::compose_certified(composer, name, root, settings, frame, choice, purpose);
     }
     let width = composer.graph.state_width(root);
-    let builder =
-        OrbitBuilder { composer, settings, frame, width, carried: Carried::of(choice, purpose), choice, purpose };
-    builder.build(name, root)
+    let mut carried = Carried::of(choice, purpose);
+    carried.traps &= composer.graph.look.reads_traps();
+    OrbitBuilder { composer, settings, frame, width, carried, choice, purpose }.build(name, root)
 }
 
 pub(super) struct OrbitBuilder<'a> {

@@ -145,6 +145,11 @@ impl Estimator {
         vec![Port::new("p", Type::V3), Port::new("d", Type::V3), Port::new("h", Type::F), Port::new("hit_eps", Type::F)]
     }
 
+    /// True when any part depends on input `number` of [`Estimator::inputs`].
+    pub fn reads(&self, arena: &Arena, number: usize) -> bool {
+        self.combine.reads(arena, number) || self.orbits.iter().any(|orbit| orbit.init.reads(arena, number))
+    }
+
     /// Columns of [`Estimator::inputs`]. `directions` and `h` have an entry for each point, or one for all.
     pub fn columns(points: &[[f64; 3]], directions: &[[f64; 3]], h: &[f64], hit_eps: f64) -> Vec<Vec<f64>> {
         let count = points.len();
