@@ -191,11 +191,12 @@ def tables(results):
         times = one["times"]
         own, fits, first = (times.get(k, {}) for k in ("bulbfold", "bulbfold fitting", "bulbfold first"))
         other = times.get("mandelbulber", {}).get("net")
+        nets = [of.get("net") for of in (own, fits, first)]
         overlap = " / ".join(shown(one["pictures"].get(k), 2) for k in ("bulbfold", "bulbfold fitting"))
         lines.append(
-            f"| {one['scene']} | {one['told']} | {shown(other)} | {shown(own.get('render'))} | {shown(ratio(other, own.get('render')), 1)}"
-            f" | {one['bar']} | {shown(first.get('net'))} | {shown(fits.get('render'))} ({one['fitting_iterations']})"
-            f" | {shown(ratio(other, fits.get('render')), 1)} | {overlap} |"
+            f"| {one['scene']} | {one['told']} | {shown(other)} | {shown(nets[0])} | {shown(ratio(other, nets[0]), 1)}"
+            f" | {one['bar']} | {shown(nets[2])} | {shown(nets[1])} ({one['fitting_iterations']})"
+            f" | {shown(ratio(other, nets[1]), 1)} | {overlap} |"
         )
     lines += [
         "",
