@@ -123,10 +123,25 @@ struct Measured {
     picture: Times,
 }
 
-/// The rates of a core.
+/// Products and sums in one that are possible in a second.
 struct Peaks {
+    /// In f32, by one thread.
     single: f64,
+    /// In f64, by one thread.
     double: f64,
+    /// In f32, by all threads together, and their number.
+    all: (usize, f64),
+}
+
+impl Peaks {
+    fn measure() -> Peaks {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        Peaks {
+            single: peak_mul_adds(Precision::F32, 1),
+            double: peak_mul_adds(Precision::F64, 1),
+            all: (threads, peak_mul_adds(Precision::F32, threads)),
+        }
+    }
 }
 
 /// The GPU, opened once.
@@ -165,7 +180,7 @@ impl Machine {
             let help = "drop one of them: f64 is measured on the CPU";
             return Err(usage("GPUs compute in f32: `--backend gpu` and `--precision f64` exclude each other", help));
         }
-        let peaks = Peaks { single: peak_mul_adds(Precision::F32), double: peak_mul_adds(Precision::F64) };
+        let peaks = Peaks::measure();
         #[cfg(feature = "gpu")]
         return match (arguments.backend, Gpu::new(AdapterWanted::Any)) {
             (BackendArg::Cpu, _) => Ok(Machine { gpu: None, peaks }),

@@ -1,5 +1,6 @@
 //! The most that a core can compute: products and sums in one, in independent chains over the machine's widest vectors.
 
+use std::sync::Barrier;
 use std::time::Instant;
 
 use fearless_simd::{Level, Simd, SimdBase, SimdFloat, dispatch};
@@ -13,15 +14,28 @@ const LINKS: usize = 200_000;
 /// Runs; the fastest counts.
 const RUNS: usize = 8;
 
-/// Products and sums in one, in a second, of one thread: the number of scalars. Takes some milliseconds.
-pub fn peak_mul_adds(precision: Precision) -> f64 {
+/// Products and sums in one, in a second, of so many threads together: the number of scalars. Takes some milliseconds.
+/// Threads that share a core's units do not double it.
+pub fn peak_mul_adds(precision: Precision, threads: usize) -> f64 {
+    (0..RUNS).map(|_| together(precision, threads)).fold(0.0, f64::max)
+}
+
+/// The sum of the rates of threads that run at the same time.
+fn together(precision: Precision, threads: usize) -> f64 {
     let level = Level::new();
-    (0..RUNS)
-        .map(|_| match precision {
-            Precision::F32 => dispatch!(level, simd => rate::<_, Single>(simd)),
-            Precision::F64 => dispatch!(level, simd => rate::<_, Double>(simd)),
-        })
-        .fold(0.0, f64::max)
+    let one = || match precision {
+        Precision::F32 => dispatch!(level, simd => rate::<_, Single>(simd)),
+        Precision::F64 => dispatch!(level, simd => rate::<_, Double>(simd)),
+    };
+    let begin = Barrier::new(threads);
+    std::thread::scope(|scope| {
+        let start = || {
+            begin.wait();
+            one()
+        };
+        let running: Vec<_> = (0..threads).map(|_| scope.spawn(start)).collect();
+        running.into_iter().map(|thread| thread.join().unwrap_or(0.0)).sum()
+    })
 }
 
 /// A vector of some precision at any SIMD level.
@@ -86,8 +100,9 @@ mod tests {
     #[test]
     fn the_peak_is_a_rate() {
         for precision in [Precision::F32, Precision::F64] {
-            let peak = peak_mul_adds(precision);
+            let peak = peak_mul_adds(precision, 1);
             assert!(peak.is_finite() && peak > 1e6, "{precision:?}: {peak} a second");
+            assert!(peak_mul_adds(precision, 3) > 1e6);
         }
     }
 }

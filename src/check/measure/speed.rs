@@ -104,6 +104,10 @@ pub struct Timing {
     pub is_asynchronous: bool,
 }
 
+/// How a back end is asked to run a kernel on columns.
+pub type Run<'a, B> =
+    &'a dyn Fn(&<B as Backend>::Prepared, &<B as Backend>::Columns) -> Result<<B as Backend>::Columns, BackendError>;
+
 /// Times the march of a picture's rays, run by `run`, which is the back end's own or does that on some threads.
 pub fn march_speed<B: Backend>(
     backend: &B,
@@ -111,7 +115,7 @@ pub fn march_speed<B: Backend>(
     pipeline: &Pipeline,
     size: Size,
     timing: Timing,
-    run: &dyn Fn(&B::Prepared, &B::Columns) -> Result<B::Columns, BackendError>,
+    run: Run<B>,
 ) -> Result<Speed, BackendError> {
     let camera = backend.prepare(arena, &pipeline.camera_kernel)?;
     let march = backend.prepare(arena, &pipeline.march)?;

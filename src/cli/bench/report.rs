@@ -57,11 +57,13 @@ pub fn table(all: &[Measured], peaks: &Peaks, size: Size) -> String {
         fractal(&mut text, measured);
         text.push('\n');
     }
+    let (threads, together) = peaks.all;
     let _ = writeln!(
         text,
-        "a core: {:.1} billion products and sums in one a second in f32, {:.1} in f64",
+        "a core: {:.1} billion products and sums in one a second in f32, {:.1} in f64; {threads} threads together {:.1} in f32",
         peaks.single / 1e9,
-        peaks.double / 1e9
+        peaks.double / 1e9,
+        together / 1e9
     );
     if let Some(bytes) = peak_memory() {
         let _ = writeln!(text, "memory: {:.0} MiB at most", bytes as f64 / f64::from(1 << 20));
@@ -162,7 +164,7 @@ pub fn json(all: &[Measured], peaks: &Peaks, size: Size) -> Value {
     json!({
         "version": VERSION,
         "size": [size.width, size.height],
-        "peak_mul_adds": { "f32": peaks.single, "f64": peaks.double },
+        "peak_mul_adds": { "f32": peaks.single, "f64": peaks.double, "f32_all_threads": peaks.all.1, "threads": peaks.all.0 },
         "peak_memory_bytes": peak_memory(),
         "fractals": all.iter().map(fractal).collect::<Vec<_>>(),
     })
