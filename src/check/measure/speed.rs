@@ -1,6 +1,6 @@
 //! How fast a picture's rays are marched on a back end: times of several runs, and what was counted in them.
 //!
-//! In comes a [`Pipeline`](crate::render::Pipeline) and a back end; out comes a [`Speed`]. The rays are those of pixels on
+//! In comes a [`Pipeline`] and a back end; out comes a [`Speed`]. The rays are those of pixels on
 //! an even grid over the picture: all of them where the back end is fast enough for the time that is given.
 
 use std::time::{Duration, Instant};
