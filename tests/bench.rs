@@ -114,3 +114,22 @@ fn wrong_usage_is_told() {
         assert!(said.contains(expected), "{arguments:?}: {said}");
     }
 }
+
+#[test]
+fn timing_scenes_are_what_the_other_programs_render() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/scenes");
+    for (name, iterations) in [("a_bulb8", 20), ("b_box2", 20), ("c_menger", 12), ("d_boxm15_bulb8", 20)] {
+        let file = format!("{folder}/{name}.ron");
+        let compile = |arguments: &[&str]| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
+            text(&command.arg("compile").arg(&file).args(arguments).output().expect("it starts"))
+        };
+        let cost = compile(&["--emit", "cost"]);
+        assert!(cost.contains(&format!("at most {iterations} iterations")), "{name}:\n{cost}");
+        // No shadow, occlusion, fog or trap: nothing but rays, a march, a normal and a light.
+        let shaders = compile(&["--emit", "wgsl", "--all"]);
+        assert!(!shaders.contains("shadow") && !shaders.contains("kernel shadow_ray"), "{name}");
+        let colour = shaders.split("// kernel colour").nth(1).expect("the kernel of colours");
+        assert!(!colour.contains("exp("), "{name}: traps, fog or occlusion are on");
+    }
+}
