@@ -14,7 +14,7 @@ use clap::{Args, ValueEnum};
 
 use super::arguments::{EstimateArgs, FormulaArgs};
 use super::session::{check_output, write_file};
-use super::{Failure, Outcome, Session, message};
+use super::{Failure, Outcome, Session, cost, message};
 
 /// Arguments of `compile`.
 #[derive(Args, Debug)]
@@ -22,6 +22,7 @@ use super::{Failure, Outcome, Session, message};
 Examples:
   bulbfold compile mandelbulb --emit wgsl
   bulbfold compile mandelbox --emit expr --de gradient
+  bulbfold compile box_bulb --emit cost
   bulbfold compile hybrid.ron --emit dot | dot -Tsvg > hybrid.svg")]
 pub struct Arguments {
     #[command(flatten)]
@@ -52,6 +53,8 @@ enum Stage {
     Tape,
     /// The graph in the DOT language of Graphviz.
     Dot,
+    /// What every step costs: operations by kind, for value and derivative.
+    Cost,
 }
 
 /// Runs the command.
@@ -78,6 +81,9 @@ fn kernels(arguments: &Arguments, session: &Session, graph: &ValidGraph) -> Resu
     let pipeline = compose_pipeline(&composer, &settings).map_err(|diagnostic| session.failure(diagnostic))?;
     for warning in &pipeline.plan.warnings {
         session.warn(warning);
+    }
+    if arguments.emit == Stage::Cost {
+        return cost::table(&composer, &pipeline).map_err(|diagnostic| session.failure(diagnostic));
     }
     let mut text = String::new();
     for (name, kernel) in pipeline.kernels().into_iter().filter(|(name, _)| arguments.all || *name == "march") {

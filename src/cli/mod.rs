@@ -7,12 +7,14 @@
 mod arguments;
 mod audit;
 mod backend;
+mod bench;
 mod calibrate;
 mod calibration;
 #[cfg(feature = "chart")]
 mod chart;
 mod check;
 mod compile;
+mod cost;
 mod docs;
 mod doctor;
 mod explain;
@@ -69,6 +71,8 @@ enum Command {
     Check(check::Arguments),
     /// Measure which estimate is the cheapest that keeps an error budget, and say why.
     Calibrate(calibrate::Arguments),
+    /// Measure how fast a formula is here: by back end, precision, method and number of threads.
+    Bench(bench::Arguments),
     /// March rays by brute force and compare the estimate with that.
     Truth(truth::Arguments),
     /// Print what the formula says at points or along rays, as text or JSON lines.
@@ -153,6 +157,7 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::Test(arguments) => test::run(arguments, &mut Session::new(folders)?, out),
         Command::Check(arguments) => check::run(arguments, &mut Session::new(folders)?, out),
         Command::Calibrate(arguments) => calibrate::run(arguments, &mut Session::new(folders)?, out),
+        Command::Bench(arguments) => bench::run(arguments, &mut Session::new(folders)?, out),
         Command::Truth(arguments) => truth::run(arguments, &mut Session::new(folders)?, out),
         Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
         #[cfg(feature = "chart")]

@@ -4,9 +4,9 @@ use super::footprint::{follows_footprint, is_marked};
 use super::orbit::compose_orbit;
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
-use crate::expr::{Differentiator, Expr, Function, Port, Type};
+use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
 use crate::graph::{DeForm, Method, NodeKind, NodeRef, OrbitSettings, Primitive, SphereForm};
-use crate::kernel::{Estimator, EstimatorInputs};
+use crate::kernel::{Estimator, EstimatorInputs, Orbit};
 
 /// An orbit of the field, and where it stands.
 #[derive(Clone)]
@@ -117,7 +117,23 @@ pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpo
     let mut combine = Function::new("combine", inputs);
     let field = FieldBuilder { composer, specs: &specs, choices, leaves: &leaves, purpose };
     field.outputs(&mut combine);
+    drop_unread(composer.arena, &mut orbits, &combine);
     Ok(Estimator { orbits, combine })
+}
+
+/// Makes 0 of the orbits' results that nothing reads: what they took is then computed no more.
+fn drop_unread(arena: &Arena, orbits: &mut [Orbit], combine: &Function) {
+    let mut at = Estimator::inputs().len();
+    for orbit in orbits {
+        for (port, value) in &mut orbit.finish.outputs {
+            if !combine.reads(arena, at) {
+                *value = arena.constant(port.ty, [0.0; 4]).id;
+            }
+            at += 1;
+        }
+        // Then come `inside` and `n`, which cost nothing.
+        at += 2;
+    }
 }
 
 /// An orbit's results as inputs of `combine`.

@@ -12,11 +12,13 @@ mod field;
 mod footprint;
 pub mod norm;
 mod orbit;
+mod parts;
 pub mod placement;
 
 pub use choose::{Choice, Plan, choose};
 pub use field::{Decider, FieldOrbit, compose_estimator, deciders, field_orbits};
 pub use orbit::{compose_growth, scalar_rules};
+pub use parts::{IterationParts, Part, iteration_parts};
 
 use std::rc::Rc;
 

@@ -78,7 +78,7 @@ pub(super) struct State<'g> {
 }
 
 impl<'g> State<'g> {
-    fn parts(&self) -> Vec<(String, Expr<'g>)> {
+    pub(super) fn parts(&self) -> Vec<(String, Expr<'g>)> {
         let numbered = |name: &'static str, list: &[Expr<'g>]| {
             let axes = ["x", "y", "z", "w"];
             list.iter().zip(axes).map(|(e, axis)| (format!("{name}_{axis}"), *e)).collect::<Vec<_>>()
@@ -93,7 +93,7 @@ impl<'g> State<'g> {
     }
 
     /// The same parts as inputs of a function, starting at input `first`.
-    fn as_inputs(&self, first: usize) -> State<'g> {
+    pub(super) fn as_inputs(&self, first: usize) -> State<'g> {
         let mut next = first as u16;
         let mut input = |e: Expr<'g>| {
             next += 1;
@@ -109,7 +109,7 @@ impl<'g> State<'g> {
         }
     }
 
-    fn ports(&self) -> Vec<Port> {
+    pub(super) fn ports(&self) -> Vec<Port> {
         self.parts().into_iter().map(|(name, e)| Port::new(name, e.ty())).collect()
     }
 }
@@ -145,9 +145,9 @@ pub(super) fn compose_orbit(
         return super::certified::compose_certified(composer, name, root, settings, frame, choice, purpose);
     }
     let width = composer.graph.state_width(root);
-    let builder =
-        OrbitBuilder { composer, settings, frame, width, carried: Carried::of(choice, purpose), choice, purpose };
-    builder.build(name, root)
+    let mut carried = Carried::of(choice, purpose);
+    carried.traps &= composer.graph.look.reads_traps();
+    OrbitBuilder { composer, settings, frame, width, carried, choice, purpose }.build(name, root)
 }
 
 pub(super) struct OrbitBuilder<'a> {
@@ -202,7 +202,7 @@ impl<'a> OrbitBuilder<'a> {
     }
 
     /// Start values as expressions of the [`EstimatorInputs`].
-    fn start(&self) -> ComposeResult<(State<'a>, Constants<'a>)> {
+    pub(super) fn start(&self) -> ComposeResult<(State<'a>, Constants<'a>)> {
         let arena = self.composer.arena;
         let EstimatorInputs { p, d, h, hit_eps } = EstimatorInputs::new(arena);
         let offsets = match self.carried.shifted {
@@ -243,7 +243,7 @@ impl<'a> OrbitBuilder<'a> {
     }
 
     /// Makes the `init` function; what iterations read of the start point becomes frozen inputs unless it is constant.
-    fn freeze(
+    pub(super) fn freeze(
         &self,
         name: &str,
         start: &State<'a>,
@@ -281,7 +281,7 @@ impl<'a> OrbitBuilder<'a> {
     }
 
     /// One iteration: the map, then the constant.
-    fn iterate(
+    pub(super) fn iterate(
         &self,
         item: &IterationMap,
         state: &State<'a>,

@@ -131,9 +131,22 @@ pub struct Arena {
     nodes: RefCell<Vec<Node>>,
     known: RefCell<HashMap<Key, NodeId>>,
     span: Cell<Option<Span>>,
+    /// Keeps every operation that is asked for, and only folds constants.
+    as_written: bool,
 }
 
 impl Arena {
+    /// An arena that keeps every operation that is asked for, also the same one again, and only folds constants: what
+    /// simplification and sharing are compared with. No kernel is made of it.
+    pub fn as_written() -> Arena {
+        Arena { as_written: true, ..Arena::default() }
+    }
+
+    /// False where the arena simplifies.
+    pub(super) fn is_as_written(&self) -> bool {
+        self.as_written
+    }
+
     /// Number of nodes.
     pub fn len(&self) -> usize {
         self.nodes.borrow().len()
@@ -196,8 +209,7 @@ impl Arena {
     pub(super) fn intern(&self, op: Op, args: &[NodeId], ty: Type) -> Expr<'_> {
         let mut padded = [NodeId(u32::MAX); 4];
         padded[..args.len()].copy_from_slice(args);
-        let key = (op, padded, args.len() as u8, ty);
-        let id = *self.known.borrow_mut().entry(key).or_insert_with(|| {
+        let new = || {
             let mut nodes = self.nodes.borrow_mut();
             let id = NodeId(u32::try_from(nodes.len()).expect("node limits are far below 2^32"));
             nodes.push(Node {
@@ -208,7 +220,12 @@ impl Arena {
                 span: self.span.get().unwrap_or(Span::NONE),
             });
             id
-        });
+        };
+        if self.as_written && !args.is_empty() {
+            return Expr { arena: self, id: new() };
+        }
+        let key = (op, padded, args.len() as u8, ty);
+        let id = *self.known.borrow_mut().entry(key).or_insert_with(new);
         Expr { arena: self, id }
     }
 }

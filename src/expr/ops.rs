@@ -27,6 +27,27 @@ pub struct Info {
     pub continuous: bool,
 }
 
+/// What kind of work an operator is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum OperatorKind {
+    /// Sums, differences and negatives.
+    Add,
+    /// Products.
+    Mul,
+    /// Quotients.
+    Div,
+    /// Square roots.
+    Sqrt,
+    /// Trigonometric functions and their inverses.
+    Trig,
+    /// Exponentials, logarithms and powers.
+    Exp,
+    /// Comparisons, choices, least and largest, and logic.
+    Compare,
+    /// Absolute values, signs, roundings and remainders.
+    Other,
+}
+
 /// A function from argument values to a value, over any [`Real`].
 trait Evaluate {
     fn evaluate<R: Real>(token: R::Token, a: R, b: R, c: R) -> R;
@@ -136,6 +157,22 @@ macro_rules! operators {
                     Operator::Exp | Operator::Ln => 8.0,
                     Operator::Sqrt | Operator::Div => 3.0,
                     _ => 1.0,
+                }
+            }
+
+            /// The kind that counts of operations list it under.
+            pub fn kind(self) -> OperatorKind {
+                match self {
+                    Operator::Neg | Operator::Add | Operator::Sub => OperatorKind::Add,
+                    Operator::Mul => OperatorKind::Mul,
+                    Operator::Div => OperatorKind::Div,
+                    Operator::Sqrt => OperatorKind::Sqrt,
+                    Operator::Sin | Operator::Cos | Operator::Asin | Operator::Acos | Operator::Atan2 => {
+                        OperatorKind::Trig
+                    }
+                    Operator::Exp | Operator::Ln | Operator::Pow => OperatorKind::Exp,
+                    Operator::Abs | Operator::Floor | Operator::Sign | Operator::Mod => OperatorKind::Other,
+                    _ => OperatorKind::Compare,
                 }
             }
 

@@ -92,11 +92,13 @@ pub(super) fn apply<'g>(operator: Operator, args: &[Expr<'g>], ty: Type) -> Expr
     if let Some(folded) = fold(operator, &constants, ty) {
         return arena.constant(ty, folded);
     }
-    if let Some(simpler) = identity(operator, args, &constants) {
-        return simpler;
-    }
-    if let Some(x) = common_splat(args) {
-        return splat(apply(operator, &x, ty.with_width(1)), ty);
+    if !arena.is_as_written() {
+        if let Some(simpler) = identity(operator, args, &constants) {
+            return simpler;
+        }
+        if let Some(x) = common_splat(args) {
+            return splat(apply(operator, &x, ty.with_width(1)), ty);
+        }
     }
     let mut ids: Vec<_> = args.iter().map(|a| a.id).collect();
     if matches!(operator, Operator::Add | Operator::Mul) && ids[0] > ids[1] {

@@ -349,6 +349,13 @@ pub struct Look {
     pub fog: f64,
 }
 
+impl Look {
+    /// Whether colours or occlusion depend on orbit traps.
+    pub fn reads_traps(&self) -> bool {
+        self.occlusion != 0.0 || self.palette.iter().any(|colour| *colour != self.palette[0])
+    }
+}
+
 impl Default for Look {
     fn default() -> Self {
         Look {

@@ -5,6 +5,7 @@
 //! numbers, one a scalar of the kernel's inputs; out come columns of its outputs. A back end is a [`Backend`]: the
 //! [`cpu`] interpreter in f64 or wide f32, and the `gpu` back end through generated [`wgsl`].
 
+pub mod cost;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -142,6 +143,11 @@ impl Estimator {
     /// is negative are not wanted and give anything.
     pub fn inputs() -> Vec<Port> {
         vec![Port::new("p", Type::V3), Port::new("d", Type::V3), Port::new("h", Type::F), Port::new("hit_eps", Type::F)]
+    }
+
+    /// True when any part depends on input `number` of [`Estimator::inputs`].
+    pub fn reads(&self, arena: &Arena, number: usize) -> bool {
+        self.combine.reads(arena, number) || self.orbits.iter().any(|orbit| orbit.init.reads(arena, number))
     }
 
     /// Columns of [`Estimator::inputs`]. `directions` and `h` have an entry for each point, or one for all.

@@ -1,8 +1,8 @@
 //! How much a kernel computes, counted and not timed: the same on every machine and every run.
 
-use super::tape::{Code, Instruction, lower_group};
+use super::cost::Cost;
 use super::{Kernel, Orbit};
-use crate::expr::{Arena, Function, Port};
+use crate::expr::{Arena, Function};
 
 /// Operations of a kernel's parts, in products of two numbers.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
@@ -37,18 +37,7 @@ impl Work {
 }
 
 fn operations(arena: &Arena, function: &Function) -> f64 {
-    let (tapes, _) = lower_group(arena, &[(function, 0)], Port::scalars(&function.inputs) as u16);
-    tapes.iter().flat_map(|tape| &tape.instructions).map(weight).sum()
-}
-
-fn weight(instruction: &Instruction) -> f64 {
-    let width = f64::from(instruction.operands.width.max(1));
-    match instruction.code {
-        Code::Apply(operator) => width * operator.weight(),
-        Code::SinCos => 16.0,
-        Code::ComplexProduct => 2.0 * width,
-        Code::Dot | Code::Copy | Code::Products(_) => width,
-    }
+    Cost::of(arena, function).products
 }
 
 #[cfg(test)]

@@ -125,12 +125,13 @@ impl<'g> Inputs<'g> {
 
 /// Joins an estimator with the march's own functions.
 pub fn compose_march(arena: &Arena, estimator: Estimator, settings: &MarchSettings) -> March {
-    March {
-        estimator,
-        locate: compose_locate(arena, settings),
-        advance: compose_advance(arena, settings),
-        max_march_steps: settings.max_march_steps,
+    let mut locate = compose_locate(arena, settings);
+    for (number, (port, value)) in locate.outputs.iter_mut().enumerate() {
+        if !estimator.reads(arena, number) {
+            *value = arena.constant(port.ty, [0.0; 4]).id;
+        }
     }
+    March { estimator, locate, advance: compose_advance(arena, settings), max_march_steps: settings.max_march_steps }
 }
 
 /// The point to estimate at, the ray's direction, the step of finite differences there, and the hit threshold.

@@ -5,6 +5,8 @@
 //! numbers can be compared with each other. [`step_size`] and [`depth`] vary the step of finite differences and the zoom.
 
 pub mod depth;
+pub mod peak;
+pub mod speed;
 pub mod step_size;
 
 use super::backends::{Backends, Target};
