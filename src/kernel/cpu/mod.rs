@@ -20,7 +20,7 @@ use self::estimate::{run_estimates, run_map};
 use self::interpret::Machine;
 use self::march::run_march;
 use self::tapes::Program;
-use super::{Backend, BackendError, Kernel};
+use super::{Backend, BackendError, Batch, Kernel};
 use crate::expr::{Arena, Port};
 use crate::math::{Lanes, Pack};
 
@@ -116,6 +116,10 @@ impl Backend for Cpu {
     type Prepared = CpuKernel;
     type Columns = CpuColumns;
 
+    fn batch(&self) -> Batch {
+        Batch { elements: GROUP, parallel: true }
+    }
+
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<CpuKernel, BackendError> {
         let program = Program::new(arena, kernel);
         #[cfg(target_arch = "x86_64")]
@@ -194,16 +198,17 @@ fn run_parallel<T: Copy + Default + Send + Sync>(
 ) -> Vec<Vec<T>> {
     assert_eq!(inputs.len(), kernel.inputs, "columns must match the kernel's inputs");
     let len = inputs.first().map_or(0, |c| c.len());
+    let run_range = |range: Range<usize>| {
+        let slices: Vec<&[T]> = inputs.iter().map(|c| &c[range.clone()]).collect();
+        let mut outputs = vec![vec![T::default(); range.len()]; kernel.outputs];
+        run(kernel, &slices, &mut outputs);
+        outputs
+    };
+    if len <= GROUP {
+        return run_range(0..len);
+    }
     let groups: Vec<Range<usize>> = (0..len).step_by(GROUP).map(|start| start..(start + GROUP).min(len)).collect();
-    let results: Vec<Vec<Vec<T>>> = groups
-        .into_par_iter()
-        .map(|range| {
-            let slices: Vec<&[T]> = inputs.iter().map(|c| &c[range.clone()]).collect();
-            let mut outputs = vec![vec![T::default(); range.len()]; kernel.outputs];
-            run(kernel, &slices, &mut outputs);
-            outputs
-        })
-        .collect();
+    let results: Vec<Vec<Vec<T>>> = groups.into_par_iter().map(run_range).collect();
     let mut columns = vec![Vec::with_capacity(len); kernel.outputs];
     for group in results {
         for (column, part) in columns.iter_mut().zip(group) {
