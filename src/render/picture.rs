@@ -81,8 +81,9 @@ impl<B: Backend> Renderer<'_, B> {
         let tiles = rows.cut(self.cut.tile);
         let results = self.in_parts(&tiles, meter, stats, |tile, part| {
             let pixels = tile.pixels();
+            let samples = self.first_samples(&pixels, part)?;
             meter.advance(pixels.len());
-            self.first_samples(&pixels, part)
+            Ok(samples)
         })?;
         seen.extend(rows.height);
         for (tile, samples) in tiles.iter().zip(results) {
@@ -108,9 +109,10 @@ impl<B: Backend> Renderer<'_, B> {
         // Pixels of many tiles together, so that no run is short.
         let parts: Vec<&[(u32, u32)]> = pixels.chunks((self.cut.rays / self.samples.len()).max(1)).collect();
         let results = self.in_parts(&parts, meter, stats, |pixels, part| {
+            let firsts: Vec<[f32; 3]> = pixels.iter().map(|&pixel| seen.at(pixel).linear).collect();
+            let colours = self.other_samples(pixels, &firsts, part)?;
             meter.advance(pixels.len() * (self.samples.len() - 1));
-            let firsts: Vec<[f64; 3]> = pixels.iter().map(|&pixel| seen.at(pixel).linear).collect();
-            self.other_samples(pixels, &firsts, part)
+            Ok(colours)
         })?;
         for (&(x, y), srgb) in pixels.iter().zip(results.into_iter().flatten()) {
             let at = ((y - band.y) as usize * band.width as usize + x as usize) * 3;

@@ -55,8 +55,8 @@ pub struct Renderer<'b, B: Backend> {
 /// The first sample of a pixel.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Sample {
-    /// Its colour, linear.
-    pub linear: [f64; 3],
+    /// Its colour, linear; black where there are no samples to add it to.
+    pub linear: [f32; 3],
     /// Its colour in sRGB.
     pub srgb: [u8; 3],
     /// Whether its ray hit.
@@ -119,11 +119,13 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let (colours, hits) = self.sample(&points(pixels, &self.samples[..1]), stats)?;
         timed(&mut stats.shade, || {
             let srgb = self.encode(&colours)?;
-            let linear = self.backend.download(&colours)?;
+            // Only sums with other samples need it.
+            let linear = (self.samples.len() > 1).then(|| self.backend.download(&colours)).transpose()?;
             let status = &hits[column("status")];
             let sample = |(i, srgb)| {
                 let hit = Status::from_code(status[i]) == Status::Hit;
-                Sample { linear: [0, 1, 2].map(|k| linear[k][i]), srgb, hit }
+                let linear = linear.as_ref().map_or([0.0; 3], |c| [c[0][i] as f32, c[1][i] as f32, c[2][i] as f32]);
+                Sample { linear, srgb, hit }
             };
             Ok(srgb.into_iter().enumerate().map(sample).collect())
         })
@@ -133,7 +135,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
     pub(super) fn other_samples(
         &self,
         pixels: &[(u32, u32)],
-        firsts: &[[f64; 3]],
+        firsts: &[[f32; 3]],
         stats: &mut Stats,
     ) -> Result<Vec<[u8; 3]>, BackendError> {
         let others = &self.samples[1..];
@@ -144,7 +146,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
             let scale = 1.0 / self.samples.len() as f64;
             let average = |k: usize| {
                 let sums = colours[k].chunks_exact(others.len()).map(|samples| samples.iter().sum::<f64>());
-                sums.zip(firsts).map(|(sum, first)| (first[k] + sum) * scale).collect()
+                sums.zip(firsts).map(|(sum, first)| (f64::from(first[k]) + sum) * scale).collect()
             };
             self.encode(&self.backend.upload(&[average(0), average(1), average(2)])?)
         })
