@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::meter::{Meter, Progress};
 use super::refine::Seen;
+use super::renderer::Sample;
 use super::{Renderer, Sampling, Stats};
 use crate::film::{Image, Tile};
 use crate::kernel::{Backend, BackendError};
@@ -83,12 +84,14 @@ impl<B: Backend> Renderer<'_, B> {
             let pixels = tile.pixels();
             let samples = self.first_samples(&pixels, part)?;
             meter.advance(pixels.len());
-            Ok(samples)
+            let mut rows = vec![Sample::default(); pixels.len()];
+            for (&(x, y), sample) in pixels.iter().zip(samples) {
+                rows[((y - tile.y) * tile.width + x - tile.x) as usize] = sample;
+            }
+            Ok(rows)
         })?;
         seen.extend(rows.height);
-        for (tile, samples) in tiles.iter().zip(results) {
-            tile.pixels().into_iter().zip(samples).for_each(|(pixel, sample)| seen.set(pixel, sample));
-        }
+        tiles.iter().zip(results).for_each(|(tile, rows)| seen.set(*tile, &rows));
         Ok(())
     }
 

@@ -1,6 +1,7 @@
 //! Which pixels need more than their first sample.
 
 use super::renderer::Sample;
+use crate::film::Tile;
 
 /// Most difference between the first samples of a pixel and its neighbours where one sample is enough, in 255ths of sRGB.
 ///
@@ -42,18 +43,25 @@ impl Seen {
         (y - self.top) as usize * self.width as usize + x as usize
     }
 
-    pub(super) fn set(&mut self, pixel: (u32, u32), sample: Sample) {
-        let at = self.index(pixel);
-        self.pixels[at] = sample;
+    /// Sets a tile's pixels, row by row.
+    pub(super) fn set(&mut self, tile: Tile, rows: &[Sample]) {
+        for (y, row) in (tile.y..).zip(rows.chunks_exact(tile.width as usize)) {
+            let at = self.index((tile.x, y));
+            self.pixels[at..at + row.len()].copy_from_slice(row);
+        }
     }
 
+    /// The first sample of a pixel of these rows.
     pub(super) fn at(&self, pixel: (u32, u32)) -> Sample {
         self.pixels[self.index(pixel)]
     }
 
     /// Colours of rows, three bytes a pixel.
     pub(super) fn bytes(&self, from: u32, to: u32) -> Vec<u8> {
-        self.pixels[self.index((0, from))..self.index((0, to))].iter().flat_map(|sample| sample.srgb).collect()
+        let samples = &self.pixels[self.index((0, from))..self.index((0, to))];
+        let mut bytes = vec![0; samples.len() * 3];
+        bytes.chunks_exact_mut(3).zip(samples).for_each(|(bytes, sample)| bytes.copy_from_slice(&sample.srgb));
+        bytes
     }
 
     /// Whether a pixel and those around it differ so much that one sample does not stand for it.
