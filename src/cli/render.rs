@@ -3,19 +3,20 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::time::Duration;
 #[cfg(feature = "chart")]
 use std::time::Instant;
 
 use bulbfold::calibrate::Calibration;
 use bulbfold::compose::{Composer, choose};
 use bulbfold::expr::Arena;
-use bulbfold::film::Image;
+use bulbfold::film::PngFile;
 use bulbfold::graph::{Camera, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError};
 use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
-use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_pipeline, compose_planned};
+use bulbfold::render::{Pipeline, RenderSettings, Renderer, Sampling, Stats, compose_pipeline, compose_planned};
 use bulbfold::shade::{self, Size, frame_automatically};
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::arguments::{
     AutoArgs, BackendArg, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector,
@@ -47,11 +48,14 @@ pub struct Arguments {
     size: Option<Size>,
     /// Show what the march did instead, with a legend below the picture
     #[cfg(feature = "chart")]
-    #[arg(long, value_enum, value_name = "VIEW", conflicts_with_all = ["samples", "json"])]
+    #[arg(long, value_enum, value_name = "VIEW", conflicts_with_all = ["samples", "sampling", "json"])]
     view: Option<ViewArg>,
     /// Samples along each edge of a pixel: 1 is fastest, 2 takes 4 a pixel, 3 takes 9
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     samples: u32,
+    /// Which pixels get all of them: those that differ from their neighbours, or every one
+    #[arg(long, value_enum, default_value_t = SamplingArg::Adaptive)]
+    sampling: SamplingArg,
     /// Where to compute
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
@@ -74,6 +78,24 @@ pub struct Arguments {
     /// No progress and no word on success
     #[arg(short, long)]
     quiet: bool,
+}
+
+/// [`Sampling`] as a flag's value.
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum SamplingArg {
+    /// Only pixels that differ from their neighbours; hard to tell from `full`
+    Adaptive,
+    /// Every pixel
+    Full,
+}
+
+impl SamplingArg {
+    fn sampling(self) -> Sampling {
+        match self {
+            SamplingArg::Adaptive => Sampling::Adaptive,
+            SamplingArg::Full => Sampling::Full,
+        }
+    }
 }
 
 /// Size of a picture where none is given.
@@ -155,15 +177,16 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         };
         let start = Instant::now();
         let image = view::render(session, &request)?;
-        write_picture(&image, &output)?;
+        image.write_png(&output).map_err(|error| cannot_write(&output, &error))?;
         if !arguments.quiet {
             talk(&format!("{} ({})", output.display(), short(start.elapsed())));
         }
         return Ok(());
     }
-    let mut job = RenderJob { arena: &arena, pipeline: &pipeline, settings: &settings, quiet: arguments.quiet };
-    let (backend, (image, stats)) = run_job(session, arguments.backend, precision, &mut job)?;
-    write_picture(&image, &output)?;
+    let mut job =
+        RenderJob { arena: &arena, pipeline: &pipeline, settings: &settings, output: &output, quiet: arguments.quiet };
+    let (backend, (stats, written)) = run_job(session, arguments.backend, precision, &mut job)?;
+    let encode = written.map_err(|error| cannot_write(&output, &error))?;
     let report = stats::Report {
         fractal: &graph.name,
         backend: &backend,
@@ -171,6 +194,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         pipeline: &pipeline,
         calibration: &calibration,
         stats: &stats,
+        encode,
     };
     if arguments.json {
         writeln!(out, "{}", report.json())?;
@@ -205,6 +229,7 @@ fn fit(
     let mut settings = RenderSettings {
         size: arguments.size.unwrap_or_else(|| arguments.default_size()),
         samples: arguments.samples,
+        sampling: arguments.sampling.sampling(),
         min_difference: asked.min_difference(),
         estimate: arguments.estimate.estimate.settings(),
         ..RenderSettings::default()
@@ -265,9 +290,8 @@ fn settle_precision(
     asked
 }
 
-fn write_picture(image: &Image, output: &Path) -> Outcome {
-    let result = image.write_png(output);
-    result.map_err(|error| Failure::Work(message(&format!("cannot write {}: {error}", output.display()), "")))
+fn cannot_write(output: &Path, error: &std::io::Error) -> Failure {
+    Failure::Work(message(&format!("cannot write {}: {error}", output.display()), ""))
 }
 
 /// The picture's path: what was given, else the formula's name in the current folder.
@@ -306,21 +330,25 @@ struct RenderJob<'a> {
     arena: &'a Arena,
     pipeline: &'a Pipeline,
     settings: &'a RenderSettings,
+    output: &'a Path,
     quiet: bool,
 }
 
 impl Job for RenderJob<'_> {
-    type Output = (Image, Stats);
+    /// What was counted, and the time that the file took or why it could not be written.
+    type Output = (Stats, std::io::Result<Duration>);
 
-    fn run<B: Backend>(&mut self, backend: &B) -> Result<(Image, Stats), BackendError> {
+    fn run<B: Backend>(&mut self, backend: &B) -> Result<Self::Output, BackendError> {
         let mut renderer = Renderer::new(backend, self.arena, self.pipeline, self.settings)?;
         let mut progress = Progress::new(self.quiet);
-        let image = renderer.render(&mut |share| {
+        let mut file = PngFile::new(self.output, self.settings.size);
+        // A file that cannot be written on stops the render, and then says why.
+        let result = renderer.render_rows(&mut |rows| file.push(rows), &mut |share| {
             progress.update(share);
             true
         });
         progress.finish();
-        let image = image?.expect("nothing stops this render early");
-        Ok((image, renderer.stats))
+        result?;
+        Ok((renderer.stats, file.finish()))
     }
 }

@@ -1,11 +1,12 @@
 //! What a render chose and counted, as a table for people and as JSON for programs.
 
 use std::fmt::Write as _;
+use std::time::Duration;
 
 use bulbfold::calibrate::Calibration;
 use bulbfold::compose::{Choice, Plan};
 use bulbfold::render::{Pipeline, RenderSettings, Stats};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::calibration;
 
@@ -26,11 +27,19 @@ pub struct Report<'a> {
     pub calibration: &'a Calibration,
     /// What was counted.
     pub stats: &'a Stats,
+    /// Time that compressing and writing the file took.
+    pub encode: Duration,
 }
 
 impl Report<'_> {
     fn pixels(&self) -> f64 {
         f64::from(self.settings.size.width) * f64::from(self.settings.size.height)
+    }
+
+    /// Where the time of the render went.
+    fn stages(&self) -> [(&'static str, Duration); 4] {
+        let stats = self.stats;
+        [("march", stats.march), ("shadows", stats.shadow), ("shading", stats.shade), ("encoding", self.encode)]
     }
 
     /// One JSON object. Times are in seconds, angles in degrees.
@@ -61,6 +70,8 @@ impl Report<'_> {
                 "position": camera.position, "target": camera.target, "up": camera.up, "fov": camera.fov.to_degrees(),
             },
             "rays": stats.rays,
+            "refined": stats.refined,
+            "samples_per_pixel": stats.rays as f64 / self.pixels(),
             "hits": stats.hits,
             "unfinished": stats.unfinished,
             "nan": stats.nan,
@@ -74,6 +85,8 @@ impl Report<'_> {
             },
             "compile_seconds": stats.compile.as_secs_f64(),
             "render_seconds": stats.render.as_secs_f64(),
+            "stage_seconds": self.stages().iter().map(|(name, time)| ((*name).into(), json!(time.as_secs_f64()))).collect::<Map<_, _>>(),
+            "peak_memory_bytes": peak_memory(),
             "calibration": calibration::json(self.calibration),
             "warnings": plan.warnings,
         })
@@ -94,6 +107,8 @@ impl Report<'_> {
         row("shortest step", format!("{} of the hit threshold", plan.least_step));
         row("bounding radius", format!("{:.4}", plan.bounding_radius));
         let share = |count: u64| format!("{count} ({:.2} %)", 100.0 * ratio(count as f64, stats.rays as f64));
+        let refined = 100.0 * stats.refined as f64 / self.pixels();
+        row("samples", format!("{:.2} a pixel, {refined:.1} % of pixels refined", stats.rays as f64 / self.pixels()));
         row("rays", stats.rays.to_string());
         row("hits", share(stats.hits));
         row("unfinished rays", share(stats.unfinished));
@@ -111,9 +126,22 @@ impl Report<'_> {
         );
         row("compile time", format!("{:.3} s", stats.compile.as_secs_f64()));
         row("render time", format!("{:.3} s", stats.render.as_secs_f64()));
+        let stages: Vec<String> =
+            self.stages().iter().map(|(name, time)| format!("{name} {:.3} s", time.as_secs_f64())).collect();
+        row("time of all threads", stages.join(", "));
+        if let Some(bytes) = peak_memory() {
+            row("peak memory", format!("{:.0} MiB", bytes as f64 / f64::from(1 << 20)));
+        }
         text.push_str(&calibration::table(self.calibration));
         text
     }
+}
+
+/// The most memory that the process has held so far; only Linux tells it.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
 }
 
 /// What was chosen for each orbit: a name and the choice with its reason.

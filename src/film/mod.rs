@@ -1,6 +1,10 @@
-//! Film: tiles, their pixels in an order that keeps neighbours together, and the PNG file.
+//! Film: tiles, their pixels in an order that keeps neighbours together, and PNG files.
 
-use std::path::Path;
+mod png;
+
+use std::path::{Path, PathBuf};
+
+pub use self::png::PngFile;
 
 use crate::shade::Size;
 
@@ -22,16 +26,22 @@ pub const TILE: u32 = 256;
 
 /// Cuts a picture into tiles, row by row.
 pub fn tiles(size: Size) -> Vec<Tile> {
-    let mut tiles = Vec::new();
-    for y in (0..size.height).step_by(TILE as usize) {
-        for x in (0..size.width).step_by(TILE as usize) {
-            tiles.push(Tile { x, y, width: TILE.min(size.width - x), height: TILE.min(size.height - y) });
-        }
-    }
-    tiles
+    Tile { x: 0, y: 0, width: size.width, height: size.height }.cut(TILE)
 }
 
 impl Tile {
+    /// Cuts the rectangle into tiles of this edge length or less, row by row.
+    pub fn cut(&self, edge: u32) -> Vec<Tile> {
+        let mut tiles = Vec::new();
+        for y in (0..self.height).step_by(edge as usize) {
+            for x in (0..self.width).step_by(edge as usize) {
+                let (width, height) = (edge.min(self.width - x), edge.min(self.height - y));
+                tiles.push(Tile { x: self.x + x, y: self.y + y, width, height });
+            }
+        }
+        tiles
+    }
+
     /// All pixels of the tile, in blocks of 8 by 8: neighbours take similar ways, so they are marched together.
     pub fn pixels(&self) -> Vec<(u32, u32)> {
         let mut pixels = Vec::with_capacity((self.width * self.height) as usize);
@@ -67,31 +77,33 @@ impl Image {
     pub fn set(&mut self, (x, y): (u32, u32), srgb: [f64; 3]) {
         let at = (y as usize * self.size.width as usize + x as usize) * 3;
         for (byte, value) in self.rgb[at..at + 3].iter_mut().zip(srgb) {
-            *byte = (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+            *byte = srgb_byte(value);
         }
     }
 
     /// Writes a PNG beside the target and then renames it, so that a good file is never replaced by a broken one.
     pub fn write_png(&self, path: &Path) -> std::io::Result<()> {
-        let mut bytes = std::io::Cursor::new(Vec::new());
-        image::write_buffer_with_format(
-            &mut bytes,
-            &self.rgb,
-            self.size.width,
-            self.size.height,
-            image::ExtendedColorType::Rgb8,
-            image::ImageFormat::Png,
-        )
-        .map_err(std::io::Error::other)?;
-        write_beside(path, &bytes.into_inner())
+        let mut file = PngFile::new(path, self.size);
+        file.push(self.rgb.clone());
+        file.finish().map(|_| ())
     }
+}
+
+/// The byte of an sRGB value between 0 and 1; what is outside takes the end, NaN is 0.
+pub fn srgb_byte(value: f64) -> u8 {
+    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+}
+
+/// A temporary name in the same folder.
+fn beside(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(format!(".{}.tmp", std::process::id()));
+    path.with_file_name(name)
 }
 
 /// Writes a file under a temporary name in the same folder, then renames it.
 pub fn write_beside(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(format!(".{}.tmp", std::process::id()));
-    let temporary = path.with_file_name(name);
+    let temporary = beside(path);
     let result = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path));
     if result.is_err() {
         let _ = std::fs::remove_file(&temporary);

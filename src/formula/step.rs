@@ -168,7 +168,8 @@ impl Step {
                 return None;
             }
         };
-        let place = |field: Option<&str>| description_span(sources, text, field);
+        let start = sources.text(text).rfind("\n#{").map_or(0, |at| at + 1);
+        let place = |field: Option<&str>| description_span(sources, text, start, field);
         let description = to_value(&description, &place);
         decode_step(name, text, ast, &description, diagnostics)
     }
@@ -296,10 +297,9 @@ pub fn script_expr(arena: &Rc<Arena>, kind: &ParamKind, value: Expr<'_>) -> Dyna
     to_dynamic(arena, value)
 }
 
-/// Place of a field of the description: its first mention after the functions, else where the description starts.
-fn description_span(sources: &Sources, id: SourceId, field: Option<&str>) -> Span {
+/// Place of a field of the description that starts there: its first mention, else the start.
+fn description_span(sources: &Sources, id: SourceId, start: usize, field: Option<&str>) -> Span {
     let text = sources.text(id);
-    let start = text.rfind("\n#{").map_or(0, |at| at + 1);
     let found = field.and_then(|f| text[start..].find(&format!("{f}:")).map(|at| (start + at, f.len())));
     let (at, len) = found.unwrap_or((start, 2.min(text.len() - start)));
     Span::new(id, at, at + len)

@@ -208,12 +208,24 @@ impl Kernel {
     }
 }
 
+/// How a back end wants its work cut.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Batch {
+    /// Elements of a run that keep it busy.
+    pub elements: usize,
+    /// Whether runs from several threads go on at the same time, so that there should be some.
+    pub parallel: bool,
+}
+
 /// Something that runs kernels. Columns stay where the back end keeps them until they are downloaded.
-pub trait Backend {
+pub trait Backend: Sync {
     /// A kernel made ready to run.
-    type Prepared;
+    type Prepared: Sync;
     /// Columns of equal length in the back end's memory.
     type Columns;
+
+    /// How work is best cut.
+    fn batch(&self) -> Batch;
 
     /// Compiles a kernel.
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<Self::Prepared, BackendError>;

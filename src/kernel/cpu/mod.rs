@@ -18,7 +18,7 @@ use self::estimate::{run_estimates, run_map};
 use self::interpret::Machine;
 use self::march::run_march;
 use self::tapes::Program;
-use super::{Backend, BackendError, Kernel};
+use super::{Backend, BackendError, Batch, Kernel};
 use crate::expr::{Arena, Port};
 use crate::math::{Lanes, Pack};
 
@@ -113,6 +113,10 @@ fn pack_lanes<S: Simd>(_: S) -> usize {
 impl Backend for Cpu {
     type Prepared = CpuKernel;
     type Columns = CpuColumns;
+
+    fn batch(&self) -> Batch {
+        Batch { elements: GROUP, parallel: true }
+    }
 
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<CpuKernel, BackendError> {
         let program = Program::new(arena, kernel);

@@ -18,8 +18,11 @@ use std::time::Duration;
 pub use adapter::{AdapterInfoLine, AdapterWanted, adapters};
 pub use program::GpuKernel;
 
-use super::{Backend, BackendError, Kernel};
+use super::{Backend, BackendError, Batch, Kernel};
 use crate::expr::Arena;
+
+/// Elements of a run that keep a device busy.
+const BATCH: usize = 1 << 16;
 
 /// A graphics device that runs kernels.
 pub struct Gpu {
@@ -178,6 +181,10 @@ impl Gpu {
 impl Backend for Gpu {
     type Prepared = GpuKernel;
     type Columns = GpuColumns;
+
+    fn batch(&self) -> Batch {
+        Batch { elements: BATCH, parallel: false }
+    }
 
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<GpuKernel, BackendError> {
         self.scoped(|| GpuKernel::new(&self.device, arena, kernel))

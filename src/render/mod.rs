@@ -1,0 +1,60 @@
+//! Joins the stages: kernels for a fractal and a view, run tile by tile on a back end, into a picture and its statistics.
+//!
+//! A picture is made in bands of rows, so that memory does not grow with its height, and a band in tiles, which run at the same
+//! time where the back end can. A first pass takes one ray through the centre of every pixel; where neighbours differ, a
+//! second one takes all samples (see [`Sampling`]). Every ray is marched alone, so how a picture is cut never shows in it.
+
+mod meter;
+mod picture;
+mod pipeline;
+mod refine;
+mod renderer;
+mod stats;
+
+pub use pipeline::{Pipeline, compose_pipeline, compose_planned, in_precision};
+pub use renderer::{Cut, Renderer};
+pub use stats::Stats;
+
+use crate::graph::EstimateSettings;
+use crate::march::MIN_DIFFERENCE_F32;
+use crate::shade::Size;
+
+/// Which pixels get all their samples.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum Sampling {
+    /// Those whose centre differs from their neighbours'; the others are seen through their centre alone.
+    #[default]
+    Adaptive,
+    /// All of them.
+    Full,
+}
+
+/// What a picture needs besides its fractal.
+#[derive(Clone, PartialEq, Debug)]
+pub struct RenderSettings {
+    /// Columns and rows.
+    pub size: Size,
+    /// What is asked of the estimate; the rest is chosen.
+    pub estimate: EstimateSettings,
+    /// Samples along each edge of a pixel that gets all of them.
+    pub samples: u32,
+    /// Which pixels do.
+    pub sampling: Sampling,
+    /// Hit threshold in pixel radii.
+    pub detail: f64,
+    /// Least relative step of finite differences, by the precision of the back end (see [`MarchSettings`]).
+    pub min_difference: f64,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        RenderSettings {
+            size: Size { width: 1280, height: 720 },
+            estimate: EstimateSettings::default(),
+            samples: 1,
+            sampling: Sampling::default(),
+            detail: 1.0,
+            min_difference: MIN_DIFFERENCE_F32,
+        }
+    }
+}

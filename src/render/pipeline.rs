@@ -1,0 +1,94 @@
+//! The kernels of a picture, composed from a fractal, its view and its plan.
+
+use super::RenderSettings;
+use crate::compose::choose::{UNIT_F32, UNIT_F64};
+use crate::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator};
+use crate::diag::Diagnostic;
+use crate::graph::{Camera, Look};
+use crate::kernel::Kernel;
+use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, compose_march};
+use crate::shade::{self, CameraFrame};
+
+/// The kernels of a picture.
+pub struct Pipeline {
+    /// How distances are estimated, and the extent.
+    pub plan: Plan,
+    /// The view.
+    pub camera: Camera,
+    /// Radius of a pixel at distance 1.
+    pub pixel_radius: f64,
+    /// Pixels to rays.
+    pub camera_kernel: Kernel,
+    /// Rays to hits; primary and shadow rays alike.
+    pub march: Kernel,
+    /// Hits to the points where surfaces are looked at.
+    pub surface_point: Kernel,
+    /// Points to gradients and traps.
+    pub surface: Kernel,
+    /// Hits to rays towards the sun; absent without shadows.
+    pub shadow_ray: Option<Kernel>,
+    /// Everything to linear colours.
+    pub colour: Kernel,
+    /// Linear colours to sRGB.
+    pub encode: Kernel,
+}
+
+impl Pipeline {
+    /// All kernels, with names, in the order in which they run.
+    pub fn kernels(&self) -> Vec<(&'static str, &Kernel)> {
+        let mut kernels = vec![
+            ("camera", &self.camera_kernel),
+            ("march", &self.march),
+            ("surface_point", &self.surface_point),
+            ("surface", &self.surface),
+        ];
+        kernels.extend(self.shadow_ray.as_ref().map(|k| ("shadow_ray", k)));
+        kernels.extend([("colour", &self.colour), ("encode", &self.encode)]);
+        kernels
+    }
+}
+
+/// Composes the kernels of a fractal's picture.
+pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Result<Pipeline, Diagnostic> {
+    compose_planned(composer, settings, choose(composer, &settings.estimate)?)
+}
+
+/// Composes the kernels of a fractal's picture with the estimates of a plan; `settings.estimate` is not asked.
+pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan: Plan) -> Result<Pipeline, Diagnostic> {
+    plan = in_precision(plan, settings.min_difference);
+    let camera = composer.graph.camera.unwrap_or_else(|| shade::frame_automatically(plan.bounding_radius));
+    let look: &Look = &composer.graph.look;
+    let arena = composer.arena;
+    let frame = CameraFrame::new(&camera);
+    let pixel_radius = shade::pixel_radius(&camera, settings.size);
+    let march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
+    let choices: &[Choice] = &plan.choices;
+    let estimator = compose_estimator(composer, choices, Purpose::March)?;
+    let radius = plan.bounding_radius;
+    let sun = shade::sun_direction(look, &frame);
+    Ok(Pipeline {
+        camera,
+        pixel_radius,
+        camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, radius)),
+        march: Kernel::March(compose_march(arena, estimator, &march)),
+        surface_point: Kernel::Map(shade::compose_surface_point(arena, march.pixel_radius, settings.min_difference)),
+        surface: Kernel::Estimate(compose_estimator(composer, choices, Purpose::Surface)?),
+        shadow_ray: look
+            .shadows
+            .then(|| Kernel::Map(shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius))),
+        colour: Kernel::Map(shade::compose_colour(arena, look, &frame, radius)),
+        encode: Kernel::Map(shade::compose_encode(arena)),
+        plan,
+    })
+}
+
+/// The plan as it is run in the precision that a least step of finite differences belongs to.
+pub fn in_precision(mut plan: Plan, min_difference: f64) -> Plan {
+    plan.choices.iter_mut().for_each(|choice| choice.unit = unit_of(min_difference));
+    plan
+}
+
+/// The relative error of one operation in the precision that a least step of finite differences belongs to.
+fn unit_of(min_difference: f64) -> f64 {
+    if min_difference <= MIN_DIFFERENCE_F64 { UNIT_F64 } else { UNIT_F32 }
+}

@@ -1,0 +1,210 @@
+//! A pipeline made ready on a back end, and what becomes of rays on it.
+
+use std::time::{Duration, Instant};
+
+use super::stats::column;
+use super::{Pipeline, RenderSettings, Sampling, Stats};
+use crate::film::srgb_byte;
+use crate::kernel::{Backend, BackendError, Batch, Kernel, Status};
+use crate::shade::Size;
+
+/// How a picture is cut. Nothing of it shows in the picture.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Cut {
+    /// Rows that are rendered, and then handed on, together.
+    pub band: u32,
+    /// Edge of the tiles that they are cut into.
+    pub tile: u32,
+    /// Rays that are taken together where pixels get all their samples.
+    pub rays: usize,
+}
+
+/// Most pixels of a band: with what the two passes keep of each, some 20 MB.
+const BAND: u32 = 1 << 20;
+
+impl Cut {
+    /// The cut that suits a back end.
+    pub fn new(size: Size, batch: Batch) -> Cut {
+        // Whole blocks of 8 rows, which are marched together.
+        let band = (BAND / size.width.max(1) / 8 * 8).max(8);
+        Cut { band, tile: batch.elements.isqrt() as u32, rays: batch.elements }
+    }
+}
+
+/// A pipeline made ready on a back end.
+pub struct Renderer<'b, B: Backend> {
+    backend: &'b B,
+    pub(super) size: Size,
+    /// Where the samples of a pixel lie in it.
+    pub(super) samples: Vec<[f64; 2]>,
+    pub(super) sampling: Sampling,
+    pub(super) parallel: bool,
+    camera: B::Prepared,
+    march: B::Prepared,
+    surface_point: B::Prepared,
+    surface: B::Prepared,
+    shadow_ray: Option<B::Prepared>,
+    colour: B::Prepared,
+    encode: B::Prepared,
+    /// How the picture is cut.
+    pub cut: Cut,
+    /// What has been counted so far.
+    pub stats: Stats,
+}
+
+/// The first sample of a pixel.
+#[derive(Clone, Copy, PartialEq, Debug, Default)]
+pub(super) struct Sample {
+    /// Its colour, linear; black where there are no samples to add it to.
+    pub linear: [f32; 3],
+    /// Its colour in sRGB.
+    pub srgb: [u8; 3],
+    /// Whether its ray hit.
+    pub hit: bool,
+}
+
+/// Adds the time of some work.
+fn timed<T>(sum: &mut Duration, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = work();
+    *sum += start.elapsed();
+    result
+}
+
+impl<'b, B: Backend> Renderer<'b, B> {
+    /// Compiles the pipeline's kernels.
+    pub fn new(
+        backend: &'b B,
+        arena: &crate::expr::Arena,
+        pipeline: &Pipeline,
+        settings: &RenderSettings,
+    ) -> Result<Self, BackendError> {
+        let start = Instant::now();
+        let prepare = |kernel: &Kernel| backend.prepare(arena, kernel);
+        let batch = backend.batch();
+        let mut renderer = Renderer {
+            backend,
+            size: settings.size,
+            samples: sample_offsets(settings.samples.max(1)),
+            sampling: settings.sampling,
+            parallel: batch.parallel,
+            camera: prepare(&pipeline.camera_kernel)?,
+            march: prepare(&pipeline.march)?,
+            surface_point: prepare(&pipeline.surface_point)?,
+            surface: prepare(&pipeline.surface)?,
+            shadow_ray: pipeline.shadow_ray.as_ref().map(prepare).transpose()?,
+            colour: prepare(&pipeline.colour)?,
+            encode: prepare(&pipeline.encode)?,
+            cut: Cut::new(settings.size, batch),
+            stats: Stats::default(),
+        };
+        renderer.stats.undecided = pipeline.plan.is_certified().then_some(0);
+        renderer.stats.compile = start.elapsed();
+        Ok(renderer)
+    }
+
+    /// Marches the centres of pixels and gives, for each, its depth `t` where it hits.
+    pub fn depths(&mut self, pixels: &[(u32, u32)]) -> Result<Vec<Option<f64>>, BackendError> {
+        let rays = self.rays(&points(pixels, &[[0.5; 2]]))?;
+        let hits = self.backend.run(&self.march, &[&rays])?;
+        let columns = self.backend.download(&hits)?;
+        let status = column("status");
+        Ok((0..pixels.len())
+            .map(|i| (Status::from_code(columns[status][i]) == Status::Hit).then(|| columns[0][i]))
+            .collect())
+    }
+
+    /// Takes the first sample of each pixel.
+    pub(super) fn first_samples(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<Sample>, BackendError> {
+        let (colours, hits) = self.sample(&points(pixels, &self.samples[..1]), stats)?;
+        timed(&mut stats.shade, || {
+            let srgb = self.encode(&colours)?;
+            // Only sums with other samples need it.
+            let linear = (self.samples.len() > 1).then(|| self.backend.download(&colours)).transpose()?;
+            let status = &hits[column("status")];
+            let sample = |(i, srgb)| {
+                let hit = Status::from_code(status[i]) == Status::Hit;
+                let linear = linear.as_ref().map_or([0.0; 3], |c| [c[0][i] as f32, c[1][i] as f32, c[2][i] as f32]);
+                Sample { linear, srgb, hit }
+            };
+            Ok(srgb.into_iter().enumerate().map(sample).collect())
+        })
+    }
+
+    /// Takes all but the first sample of each pixel and gives the average of all in sRGB.
+    pub(super) fn other_samples(
+        &self,
+        pixels: &[(u32, u32)],
+        firsts: &[[f32; 3]],
+        stats: &mut Stats,
+    ) -> Result<Vec<[u8; 3]>, BackendError> {
+        let others = &self.samples[1..];
+        let (colours, _) = self.sample(&points(pixels, others), stats)?;
+        stats.refined += pixels.len() as u64;
+        timed(&mut stats.shade, || {
+            let colours = self.backend.download(&colours)?;
+            let scale = 1.0 / self.samples.len() as f64;
+            let average = |k: usize| {
+                let sums = colours[k].chunks_exact(others.len()).map(|samples| samples.iter().sum::<f64>());
+                sums.zip(firsts).map(|(sum, first)| (f64::from(first[k]) + sum) * scale).collect()
+            };
+            self.encode(&self.backend.upload(&[average(0), average(1), average(2)])?)
+        })
+    }
+
+    /// Rays through points of the picture: columns of x and y. What is known of rays before their march, such as how near
+    /// they may start, is found here.
+    fn rays(&self, points: &[Vec<f64>; 2]) -> Result<B::Columns, BackendError> {
+        self.backend.run(&self.camera, &[&self.backend.upload(points)?])
+    }
+
+    /// Linear colours at points of the picture, and the marches that led to them.
+    fn sample(&self, points: &[Vec<f64>; 2], stats: &mut Stats) -> Result<(B::Columns, Vec<Vec<f64>>), BackendError> {
+        let backend = self.backend;
+        let rays = timed(&mut stats.shade, || self.rays(points))?;
+        let hits = timed(&mut stats.march, || backend.run(&self.march, &[&rays]))?;
+        let (surface, marched) = timed(&mut stats.shade, || {
+            let points = backend.run(&self.surface_point, &[&rays, &hits])?;
+            Ok((backend.run(&self.surface, &[&points])?, backend.download(&hits)?))
+        })?;
+        stats.count(&marched);
+        let Some(shadow_ray) = &self.shadow_ray else {
+            let colours = timed(&mut stats.shade, || backend.run(&self.colour, &[&rays, &hits, &surface]))?;
+            return Ok((colours, marched));
+        };
+        let shadow_rays = timed(&mut stats.shade, || backend.run(shadow_ray, &[&rays, &hits, &surface]))?;
+        let (shadows, ends) = timed(&mut stats.shadow, || {
+            let shadows = backend.run(&self.march, &[&shadow_rays])?;
+            let ends = backend.download(&shadows)?;
+            Ok((shadows, ends))
+        })?;
+        stats.shadow_estimates += ends[column("steps")].iter().sum::<f64>() as u64;
+        let inputs = [&rays, &hits, &surface, &shadows];
+        let colours = timed(&mut stats.shade, || backend.run(&self.colour, &inputs))?;
+        Ok((colours, marched))
+    }
+
+    /// Linear colours as bytes of sRGB; NaN is black.
+    fn encode(&self, linear: &B::Columns) -> Result<Vec<[u8; 3]>, BackendError> {
+        let columns = self.backend.download(&self.backend.run(&self.encode, &[linear])?)?;
+        Ok((0..columns[0].len()).map(|i| [0, 1, 2].map(|k| srgb_byte(columns[k][i]))).collect())
+    }
+}
+
+/// Points of the picture at offsets in each pixel, as columns of x and y. Those of a pixel are neighbours, so they are
+/// marched together.
+fn points(pixels: &[(u32, u32)], offsets: &[[f64; 2]]) -> [Vec<f64>; 2] {
+    let column = |of: fn(&(u32, u32)) -> u32, k: usize| {
+        pixels.iter().flat_map(|pixel| offsets.iter().map(move |offset| f64::from(of(pixel)) + offset[k])).collect()
+    };
+    [column(|p| p.0, 0), column(|p| p.1, 1)]
+}
+
+/// Where the samples of a pixel lie in it: on a grid with this many on an edge, the one nearest to the centre first.
+fn sample_offsets(edge: u32) -> Vec<[f64; 2]> {
+    let at = |k: u32| (f64::from(k) + 0.5) / f64::from(edge);
+    let mut offsets: Vec<[f64; 2]> = (0..edge * edge).map(|i| [at(i / edge), at(i % edge)]).collect();
+    let middle = ((edge - 1) / 2 * (edge + 1)) as usize;
+    offsets[..=middle].rotate_right(1);
+    offsets
+}

@@ -1,0 +1,87 @@
+//! What a render counts and how long it takes.
+
+use std::time::Duration;
+
+use crate::kernel::{Status, march_output_ports};
+use crate::march::is_undecided;
+
+/// What a render counted. Rays are the primary ones, all samples of all pixels.
+#[derive(Clone, PartialEq, Debug, Default)]
+pub struct Stats {
+    /// Primary rays.
+    pub rays: u64,
+    /// Pixels that got all their samples.
+    pub refined: u64,
+    /// Rays that hit.
+    pub hits: u64,
+    /// Rays that ran out of steps.
+    pub unfinished: u64,
+    /// Rays with an estimate that was not a number.
+    pub nan: u64,
+    /// With a certified method, rays that crossed something unproven: neither proven empty nor a hit within a few
+    /// thresholds. `None` with estimates, which prove nothing.
+    pub undecided: Option<u64>,
+    /// Estimates of primary rays.
+    pub estimates: u64,
+    /// Most march steps of a ray.
+    pub max_steps: u64,
+    /// Iterations of all estimates of primary rays.
+    pub iterations: u64,
+    /// Estimates of shadow rays.
+    pub shadow_estimates: u64,
+    /// Time to compile kernels.
+    pub compile: Duration,
+    /// Time to render, without compiling.
+    pub render: Duration,
+    /// Time in marches of primary rays, summed over threads.
+    pub march: Duration,
+    /// Time in marches of shadow rays, summed over threads.
+    pub shadow: Duration,
+    /// Time in everything else that is computed of rays and colours, summed over threads.
+    pub shade: Duration,
+}
+
+impl Stats {
+    /// Adds what a part of the picture counted. Times of compiling and of the whole render are not a part's.
+    pub(super) fn add(&mut self, part: &Stats) {
+        self.rays += part.rays;
+        self.refined += part.refined;
+        self.hits += part.hits;
+        self.unfinished += part.unfinished;
+        self.nan += part.nan;
+        if let Some(undecided) = &mut self.undecided {
+            *undecided += part.undecided.unwrap_or(0);
+        }
+        self.estimates += part.estimates;
+        self.max_steps = self.max_steps.max(part.max_steps);
+        self.iterations += part.iterations;
+        self.shadow_estimates += part.shadow_estimates;
+        self.march += part.march;
+        self.shadow += part.shadow;
+        self.shade += part.shade;
+    }
+
+    /// Counts the marches of primary rays; `hits` are columns of [`march_output_ports`].
+    pub(super) fn count(&mut self, hits: &[Vec<f64>]) {
+        let [last, status, steps, iterations, nan] =
+            ["last_de", "status", "steps", "iterations", "nan"].map(|name| &hits[column(name)]);
+        self.rays += status.len() as u64;
+        for (i, &code) in status.iter().enumerate() {
+            let status = Status::from_code(code);
+            self.hits += u64::from(status == Status::Hit);
+            self.unfinished += u64::from(status == Status::Unfinished);
+            if let Some(undecided) = &mut self.undecided {
+                *undecided += u64::from(is_undecided(last[i], steps[i], status));
+            }
+        }
+        self.nan += nan.iter().filter(|&&n| n > 0.0).count() as u64;
+        self.estimates += steps.iter().sum::<f64>() as u64;
+        self.iterations += iterations.iter().sum::<f64>() as u64;
+        self.max_steps = self.max_steps.max(steps.iter().copied().fold(0.0, f64::max) as u64);
+    }
+}
+
+/// Column of a march's output.
+pub(super) fn column(name: &str) -> usize {
+    march_output_ports().iter().position(|p| p.name == name).expect("the name is one of the march's ports")
+}
