@@ -1,5 +1,7 @@
 //! Joins the stages: kernels for a fractal and a view, run tile by tile on a back end, into a picture and its statistics.
 
+mod beams;
+
 use std::time::{Duration, Instant};
 
 use crate::compose::choose::{UNIT_F32, UNIT_F64};
@@ -7,8 +9,10 @@ use crate::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator}
 use crate::diag::Diagnostic;
 use crate::film::{Image, tiles};
 use crate::graph::{Camera, EstimateSettings, Look};
-use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
-use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, compose_march, is_undecided};
+use crate::kernel::{Backend, BackendError, Estimator, Kernel, Status, march_output_ports};
+use crate::expr::Arena;
+use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, compose_march, is_undecided, stop_at_crossing};
+use self::beams::{BeamKernels, Beams, Starts};
 use crate::shade::{self, CameraFrame, Size};
 
 /// What a picture needs besides its fractal.
@@ -26,6 +30,9 @@ pub struct RenderSettings {
     pub max_march_steps: u32,
     /// Least relative step of finite differences, by the precision of the back end (see [`MarchSettings`]).
     pub min_difference: f64,
+    /// Every ray is marched from the bounding sphere by steps no longer than an estimate, shadow rays as sharply as primary
+    /// ones: what everything else is compared with.
+    pub plain: bool,
 }
 
 impl Default for RenderSettings {
@@ -37,6 +44,7 @@ impl Default for RenderSettings {
             detail: 1.0,
             max_march_steps: 1000,
             min_difference: MIN_DIFFERENCE_F32,
+            plain: false,
         }
     }
 }
@@ -51,7 +59,9 @@ pub struct Pipeline {
     pub pixel_radius: f64,
     /// Pixels to rays.
     pub camera_kernel: Kernel,
-    /// Rays to hits; primary and shadow rays alike.
+    /// What finds out for many pixels at once how far nothing is; absent where every ray is marched by itself.
+    pub beams: Option<BeamKernels>,
+    /// Rays to hits.
     pub march: Kernel,
     /// Hits to the points where surfaces are looked at.
     pub surface_point: Kernel,
@@ -59,6 +69,8 @@ pub struct Pipeline {
     pub surface: Kernel,
     /// Hits to rays towards the sun; absent without shadows.
     pub shadow_ray: Option<Kernel>,
+    /// Rays towards the sun to whether they hit; absent without shadows.
+    pub shadow_march: Option<Kernel>,
     /// Everything to linear colours.
     pub colour: Kernel,
     /// Linear colours to sRGB.
@@ -68,13 +80,15 @@ pub struct Pipeline {
 impl Pipeline {
     /// All kernels, with names, in the order in which they run.
     pub fn kernels(&self) -> Vec<(&'static str, &Kernel)> {
-        let mut kernels = vec![
-            ("camera", &self.camera_kernel),
+        let mut kernels = vec![("camera", &self.camera_kernel)];
+        kernels.extend(self.beams.iter().flat_map(BeamKernels::named));
+        kernels.extend([
             ("march", &self.march),
             ("surface_point", &self.surface_point),
             ("surface", &self.surface),
-        ];
+        ]);
         kernels.extend(self.shadow_ray.as_ref().map(|k| ("shadow_ray", k)));
+        kernels.extend(self.shadow_march.as_ref().map(|k| ("shadow_march", k)));
         kernels.extend([("colour", &self.colour), ("encode", &self.encode)]);
         kernels
     }
@@ -93,19 +107,32 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let arena = composer.arena;
     let frame = CameraFrame::new(&camera);
     let pixel_radius = shade::pixel_radius(&camera, settings.size);
-    let march = MarchSettings {
+    let mut march = MarchSettings {
         max_march_steps: settings.max_march_steps,
         ..MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference)
     };
+    let mut with_plain = settings.clone();
+    with_plain.plain |= std::env::var_os("PLAIN").is_some();
+    let settings = &with_plain;
+    let beams = match settings.plain {
+        true => None,
+        false => BeamKernels::new(composer, &plan, &camera, settings, &march)?,
+    };
+    if settings.plain {
+        march.relaxation = 1.0;
+    }
     let choices: &[Choice] = &plan.choices;
     let estimator = compose_estimator(composer, choices, Purpose::March)?;
     let radius = plan.bounding_radius;
     let sun = shade::sun_direction(look, &frame);
+    let shadow_march = look.shadows.then(|| compose_shadow_march(arena, estimator.clone(), &march, settings.plain));
     Ok(Pipeline {
         camera,
         pixel_radius,
         camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, radius)),
+        beams,
         march: Kernel::March(compose_march(arena, estimator, &march)),
+        shadow_march,
         surface_point: Kernel::Map(shade::compose_surface_point(arena, march.pixel_radius, settings.min_difference)),
         surface: Kernel::Estimate(compose_estimator(composer, choices, Purpose::Surface)?),
         shadow_ray: look
@@ -115,6 +142,20 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         encode: Kernel::Map(shade::compose_encode(arena)),
         plan,
     })
+}
+
+/// The sun's disc as seen from anywhere has this radius at distance 1: nothing finer casts a sharp shadow.
+const SUN_RADIUS: f64 = 0.0047;
+
+/// The march of rays towards the sun: whether they hit is all that is asked.
+fn compose_shadow_march(arena: &Arena, estimator: Estimator, march: &MarchSettings, plain: bool) -> Kernel {
+    if plain {
+        return Kernel::March(compose_march(arena, estimator, march));
+    }
+    let blur: f64 = std::env::var("BLUR").ok().and_then(|s| s.parse().ok()).unwrap_or(SUN_RADIUS);
+    let least: f64 = std::env::var("SLEAST").ok().and_then(|s| s.parse().ok()).unwrap_or(0.0);
+    let shadow = MarchSettings { blur, least_step: march.least_step.max(least), ..*march };
+    Kernel::March(stop_at_crossing(arena, &compose_march(arena, estimator, &shadow)))
 }
 
 /// The plan as it is run in the precision that a least step of finite differences belongs to.
@@ -148,6 +189,10 @@ pub struct Stats {
     pub max_steps: u64,
     /// Iterations of all estimates of primary rays.
     pub iterations: u64,
+    /// Beams: cones of rays that were marched before the rays themselves.
+    pub beams: u64,
+    /// Estimates of beams; `estimates` does not hold them.
+    pub beam_estimates: u64,
     /// Estimates of shadow rays.
     pub shadow_estimates: u64,
     /// Time to compile kernels.
@@ -162,10 +207,11 @@ pub struct Renderer<'b, B: Backend> {
     size: Size,
     samples: u32,
     camera: B::Prepared,
+    beams: Option<Beams<B>>,
     march: B::Prepared,
     surface_point: B::Prepared,
     surface: B::Prepared,
-    shadow_ray: Option<B::Prepared>,
+    shadow: Option<[B::Prepared; 2]>,
     colour: B::Prepared,
     encode: B::Prepared,
     /// What has been counted so far.
@@ -187,10 +233,14 @@ impl<'b, B: Backend> Renderer<'b, B> {
             size: settings.size,
             samples: settings.samples.max(1),
             camera: prepare(&pipeline.camera_kernel)?,
+            beams: pipeline.beams.as_ref().map(|kernels| Beams::new(backend, arena, kernels)).transpose()?,
             march: prepare(&pipeline.march)?,
             surface_point: prepare(&pipeline.surface_point)?,
             surface: prepare(&pipeline.surface)?,
-            shadow_ray: pipeline.shadow_ray.as_ref().map(prepare).transpose()?,
+            shadow: match (&pipeline.shadow_ray, &pipeline.shadow_march) {
+                (Some(ray), Some(march)) => Some([prepare(ray)?, prepare(march)?]),
+                _ => None,
+            },
             colour: prepare(&pipeline.colour)?,
             encode: prepare(&pipeline.encode)?,
             stats: Stats::default(),
@@ -221,7 +271,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
 
     /// Marches the centres of pixels and gives, for each, its depth `t` where it hits.
     pub fn depths(&mut self, pixels: &[(u32, u32)]) -> Result<Vec<Option<f64>>, BackendError> {
-        let rays = self.rays(pixels, [0.5, 0.5])?;
+        let starts = self.starts(pixels)?;
+        let rays = self.rays(pixels, [0.5, 0.5], starts.as_ref())?;
         let hits = self.backend.run(&self.march, &[&rays])?;
         let columns = self.backend.download(&hits)?;
         let status = column("status");
@@ -230,20 +281,39 @@ impl<'b, B: Backend> Renderer<'b, B> {
             .collect())
     }
 
-    fn rays(&self, pixels: &[(u32, u32)], offset: [f64; 2]) -> Result<B::Columns, BackendError> {
+    /// How far nothing is for these pixels.
+    fn starts(&mut self, pixels: &[(u32, u32)]) -> Result<Option<B::Columns>, BackendError> {
+        let Some(beams) = &self.beams else { return Ok(None) };
+        let Starts { depths, beams, estimates } = beams.starts(self.backend, pixels)?;
+        self.stats.beams += beams;
+        self.stats.beam_estimates += estimates;
+        self.backend.upload(&[depths]).map(Some)
+    }
+
+    fn rays(
+        &self,
+        pixels: &[(u32, u32)],
+        offset: [f64; 2],
+        starts: Option<&B::Columns>,
+    ) -> Result<B::Columns, BackendError> {
         let x = pixels.iter().map(|p| f64::from(p.0) + offset[0]).collect();
         let y = pixels.iter().map(|p| f64::from(p.1) + offset[1]).collect();
         let pixels = self.backend.upload(&[x, y])?;
-        self.backend.run(&self.camera, &[&pixels])
+        let rays = self.backend.run(&self.camera, &[&pixels])?;
+        match (&self.beams, starts) {
+            (Some(beams), Some(starts)) => beams.begin(self.backend, &rays, starts),
+            _ => Ok(rays),
+        }
     }
 
     /// Colours of pixels in sRGB, the average of their samples.
     fn shade_pixels(&mut self, pixels: &[(u32, u32)]) -> Result<Vec<[f64; 3]>, BackendError> {
         let mut sum: Vec<Vec<f64>> = vec![vec![0.0; pixels.len()]; 3];
+        let starts = self.starts(pixels)?;
         for i in 0..self.samples {
             for j in 0..self.samples {
                 let offset = [i, j].map(|k| (f64::from(k) + 0.5) / f64::from(self.samples));
-                let colours = self.sample(pixels, offset)?;
+                let colours = self.sample(pixels, offset, starts.as_ref())?;
                 for (sum, colour) in sum.iter_mut().zip(self.backend.download(&colours)?) {
                     for (a, b) in sum.iter_mut().zip(colour) {
                         *a += b;
@@ -258,18 +328,23 @@ impl<'b, B: Backend> Renderer<'b, B> {
         Ok((0..pixels.len()).map(|i| [encoded[0][i], encoded[1][i], encoded[2][i]]).collect())
     }
 
-    fn sample(&mut self, pixels: &[(u32, u32)], offset: [f64; 2]) -> Result<B::Columns, BackendError> {
+    fn sample(
+        &mut self,
+        pixels: &[(u32, u32)],
+        offset: [f64; 2],
+        starts: Option<&B::Columns>,
+    ) -> Result<B::Columns, BackendError> {
         let backend = self.backend;
-        let rays = self.rays(pixels, offset)?;
+        let rays = self.rays(pixels, offset, starts)?;
         let hits = backend.run(&self.march, &[&rays])?;
         self.count(&backend.download(&hits)?);
         let points = backend.run(&self.surface_point, &[&rays, &hits])?;
         let surface = backend.run(&self.surface, &[&points])?;
-        let Some(shadow_ray) = &self.shadow_ray else {
+        let Some([shadow_ray, shadow_march]) = &self.shadow else {
             return backend.run(&self.colour, &[&rays, &hits, &surface]);
         };
         let shadow_rays = backend.run(shadow_ray, &[&rays, &hits, &surface])?;
-        let shadows = backend.run(&self.march, &[&shadow_rays])?;
+        let shadows = backend.run(shadow_march, &[&shadow_rays])?;
         let steps = &backend.download(&shadows)?[column("steps")];
         self.stats.shadow_estimates += steps.iter().sum::<f64>() as u64;
         backend.run(&self.colour, &[&rays, &hits, &surface, &shadows])

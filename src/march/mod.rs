@@ -6,8 +6,11 @@
 //! `least_step` times the hit threshold; an estimate under the threshold whose point is still outside is walked on from, so only a point that is
 //! inside stops the ray; from there it bisects back to the boundary.
 
+mod beam;
 mod certified;
+mod relaxed;
 
+pub use beam::{beam_plan, compose_beam_march};
 pub use certified::is_undecided;
 
 use crate::compose::Plan;
@@ -35,6 +38,12 @@ pub struct MarchSettings {
     pub certified: bool,
     /// Step of finite differences, where that is above the least one.
     pub difference_step: DifferenceStep,
+    /// How much longer than the estimate times `fudge` a step may be; 1 takes no longer ones. Longer steps need estimates
+    /// that hold all around their point.
+    pub relaxation: f64,
+    /// What is added to the shortest step, as a share of the way from the ray's start: for rays that need not see farther
+    /// things as sharply.
+    pub blur: f64,
 }
 
 /// [`MarchSettings::min_difference`] for single precision.
@@ -53,6 +62,8 @@ impl Default for MarchSettings {
             min_difference: MIN_DIFFERENCE_F32,
             certified: false,
             difference_step: DifferenceStep::default(),
+            relaxation: 1.0,
+            blur: 0.0,
         }
     }
 }
@@ -67,6 +78,7 @@ impl MarchSettings {
             min_difference,
             certified: plan.is_certified(),
             difference_step: plan.difference_step,
+            relaxation: relaxed::of_plan(plan),
             ..MarchSettings::default()
         }
     }
@@ -174,7 +186,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     // numbers at t, or of no length at t = 0, would stand still: then the least step that any precision has is taken.
     // Proofs may be shorter than the walk's steps.
     let usable = zero.le(de).select(de, zero);
-    let walk = hit_eps * settings.least_step;
+    let walk = hit_eps * settings.least_step + (ray.t - ray.t_near) * settings.blur;
     let step = match settings.certified {
         true => certified::step(usable, walk),
         false => (usable * settings.fudge).max(walk),
@@ -182,6 +194,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let wanted = ray.t + step;
     let least = ray.t * (1.0 + 2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01;
     let forward = wanted.le(ray.t).select(least, wanted);
+    let farther = relaxed::farther(&ray, settings, hit_eps, usable, forward);
     let middle = (t_inside + t_outside) * 0.5;
     // No number may be left between the ends, however far they are from as near as they should be.
     let between = t_outside.lt(middle).and(middle.lt(t_inside));
@@ -190,7 +203,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let miss = (!crossed).and(ray.t_far.le(forward));
     let code = |status: Status| arena.f(status.code());
     let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
-    let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, forward.min(ray.t_far)));
+    let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, farther.min(ray.t_far)));
     if settings.certified {
         let steps = certified::Steps { walk, hit_eps, de: usable, t_outside, t_inside, hit, miss, crossed };
         certified::advance(&mut function, &ray, &steps, status, t);
@@ -199,12 +212,12 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     // The front stays where a walk under the threshold began.
     let walking = usable.lt(hit_eps).and(ray.last_de.lt(hit_eps)).and(zero.le(ray.last_de));
     let settled = crossed.or(walking);
-    function.output("t", t);
-    function.output("t_front", settled.select(ray.t_front, ray.t));
-    function.output("t_outside", t_outside.max(unknown));
-    function.output("t_inside", t_inside);
-    function.output("last_de", usable);
-    function.output("status", status);
+    let t_front = settled.select(ray.t_front, ray.t);
+    let next = [t, t_front, t_outside.max(unknown), t_inside, usable, status];
+    let next = relaxed::or_back(&ray, settings, hit_eps, usable, inside, next);
+    for (port, value) in march_state_ports().into_iter().zip(next) {
+        function.output(port.name, value);
+    }
     function
 }
 

@@ -1,0 +1,114 @@
+//! Beams: cones around a central ray that hold the rays of many pixels, marched once for all of them.
+//!
+//! A beam's rays start in one point. Its central ray runs by a parameter `w` that is the beam's radius: its direction is as
+//! long as the beam is narrow, so that the point of every ray at the same distance from the origin lies within `w` of the
+//! central one. With spread k (the most that a ray's unit direction differs from the central one, in length) that distance is
+//! t = w / k. An estimate D at `w` proves, or makes likely, that all of the beam up to t + s is empty, where
+//! s^2 + s w k + w^2 = D^2. Where s is a small share of w the beam ends; its rays start there. Rays of a beam that left
+//! the bounding sphere have missed without an estimate of their own.
+
+use super::{Inputs, MarchSettings, ports};
+use crate::compose::Plan;
+use crate::expr::{Arena, Expr, Function, Port, Type};
+use crate::graph::{DifferenceStep, Method};
+use crate::kernel::{Estimator, March, Status, march_state_ports};
+
+/// Share of a beam's radius that an advance is worth an estimate for.
+const USEFUL: f64 = 0.1;
+/// Share of an estimate that a beam takes, besides the march's own step multiplier.
+const CAUTION: f64 = 0.9;
+/// The next proof is to reach this much further than the last one did, and radii of the beam at least.
+const PROPOSAL: f64 = 1.5;
+/// Share of the beam's range that the first proof is to reach.
+const FIRST: f64 = 0.25;
+
+fn useful() -> f64 {
+    std::env::var("USEFUL").ok().and_then(|s| s.parse().ok()).unwrap_or(USEFUL)
+}
+fn caution() -> f64 {
+    std::env::var("BCAUTION").ok().and_then(|s| s.parse().ok()).unwrap_or(CAUTION)
+}
+
+/// The plan of the beams of a plan's rays: the same, with balls where proofs are of segments. `None` where estimates hold
+/// along their ray alone.
+pub fn beam_plan(plan: &Plan) -> Option<Plan> {
+    let mut plan = plan.clone();
+    for choice in &mut plan.choices {
+        choice.method = match choice.method {
+            Method::Directional | Method::DeltaRay => return None,
+            Method::Certified => Method::CertifiedBall,
+            method => method,
+        };
+    }
+    Some(plan)
+}
+
+/// The march of beams. Its rays are [`compose_beam`](crate::shade::compose_beam)'s; it gives `t` (as `w`): all of the beam is empty
+/// up to there, and the status says whether it left the bounding sphere.
+pub fn compose_beam_march(arena: &Arena, estimator: Estimator, settings: &MarchSettings) -> March {
+    March {
+        estimator,
+        locate: compose_locate(arena, settings),
+        advance: compose_advance(arena, settings),
+        max_march_steps: settings.max_march_steps,
+    }
+}
+
+/// The spread of a beam: one through the length of its direction.
+fn spread<'g>(ray: &Inputs<'g>) -> Expr<'g> {
+    1.0 / ray.direction.length()
+}
+
+fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
+    let mut function = Function::new("locate", ports());
+    let ray = Inputs::new(arena);
+    let p = ray.origin + ray.direction * ray.t;
+    let spread = spread(&ray);
+    let sizes = p.abs().components();
+    let largest = sizes[0].max(sizes[1]).max(sizes[2]).max(arena.f(1.0));
+    let wanted = match settings.difference_step {
+        DifferenceStep::Share(share) => ray.last_de * share,
+        DifferenceStep::Fixed(step) => arena.f(step),
+    };
+    let is_first = ray.last_de.lt(arena.f(0.0));
+    let h = match settings.certified {
+        true => is_first
+            .select((ray.t_far - ray.t_near) / spread * FIRST, ray.last_de * PROPOSAL)
+            .max(ray.t * PROPOSAL),
+        false => wanted.max(largest * settings.min_difference),
+    };
+    function.output("p", p);
+    function.output("d", ray.direction * spread);
+    function.output("h", h);
+    function.output("hit_eps", ray.t / spread * settings.pixel_radius + settings.hit_eps);
+    function
+}
+
+fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
+    let mut inputs = ports();
+    let first = inputs.len() as u16;
+    inputs.push(Port::new("de", Type::F));
+    inputs.push(Port::new("inside", Type::B));
+    let mut function = Function::new("advance", inputs);
+    let ray = Inputs::new(arena);
+    let (de, inside) = (arena.input(first, Type::F), arena.input(first + 1, Type::B));
+    let zero = arena.f(0.0);
+    let usable = inside.select(zero, zero.le(de).select(de, zero));
+    let certain = if settings.certified { 1.0 } else { settings.fudge * caution() };
+    let ball = usable * certain;
+    let (w, spread) = (ray.t, spread(&ray));
+    let half = w * spread * 0.5;
+    let room = (ball * ball - w * w + half * half).max(zero).sqrt() - half;
+    // Nothing at all is gained where the ball does not even hold the disc.
+    let gained = w.lt(ball).select(room.max(zero), zero) * spread;
+    let forward = w + gained;
+    let miss = ray.t_far.le(forward);
+    let useless = gained.le(w * spread * useful()).or(forward.le(w));
+    let code = |status: Status| arena.f(status.code());
+    let status = miss.select(code(Status::Miss), useless.select(code(Status::Hit), ray.status));
+    let next = [forward, w, w, arena.f(-1.0), usable, status];
+    for (port, value) in march_state_ports().into_iter().zip(next) {
+        function.output(port.name, value);
+    }
+    function
+}
