@@ -9,9 +9,8 @@ use crate::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator}
 use crate::diag::Diagnostic;
 use crate::film::{Image, tiles};
 use crate::graph::{Camera, EstimateSettings, Look};
-use crate::kernel::{Backend, BackendError, Estimator, Kernel, Status, march_output_ports};
-use crate::expr::Arena;
-use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, compose_march, is_undecided, stop_at_crossing};
+use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, compose_march, compose_shadow_march, is_undecided};
 use self::beams::{BeamKernels, Beams, Starts};
 use crate::shade::{self, CameraFrame, Size};
 
@@ -125,14 +124,17 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let estimator = compose_estimator(composer, choices, Purpose::March)?;
     let radius = plan.bounding_radius;
     let sun = shade::sun_direction(look, &frame);
-    let shadow_march = look.shadows.then(|| compose_shadow_march(arena, estimator.clone(), &march, settings.plain));
+    let shadow_march = look.shadows.then(|| match settings.plain {
+        true => compose_march(arena, estimator.clone(), &march),
+        false => compose_shadow_march(arena, estimator.clone(), &march),
+    });
     Ok(Pipeline {
         camera,
         pixel_radius,
         camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, radius)),
         beams,
         march: Kernel::March(compose_march(arena, estimator, &march)),
-        shadow_march,
+        shadow_march: shadow_march.map(Kernel::March),
         surface_point: Kernel::Map(shade::compose_surface_point(arena, march.pixel_radius, settings.min_difference)),
         surface: Kernel::Estimate(compose_estimator(composer, choices, Purpose::Surface)?),
         shadow_ray: look
@@ -142,20 +144,6 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         encode: Kernel::Map(shade::compose_encode(arena)),
         plan,
     })
-}
-
-/// The sun's disc as seen from anywhere has this radius at distance 1: nothing finer casts a sharp shadow.
-const SUN_RADIUS: f64 = 0.0047;
-
-/// The march of rays towards the sun: whether they hit is all that is asked.
-fn compose_shadow_march(arena: &Arena, estimator: Estimator, march: &MarchSettings, plain: bool) -> Kernel {
-    if plain {
-        return Kernel::March(compose_march(arena, estimator, march));
-    }
-    let blur: f64 = std::env::var("BLUR").ok().and_then(|s| s.parse().ok()).unwrap_or(SUN_RADIUS);
-    let least: f64 = std::env::var("SLEAST").ok().and_then(|s| s.parse().ok()).unwrap_or(0.0);
-    let shadow = MarchSettings { blur, least_step: march.least_step.max(least), ..*march };
-    Kernel::March(stop_at_crossing(arena, &compose_march(arena, estimator, &shadow)))
 }
 
 /// The plan as it is run in the precision that a least step of finite differences belongs to.

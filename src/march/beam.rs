@@ -17,8 +17,12 @@ use crate::kernel::{Estimator, March, Status, march_state_ports};
 const USEFUL: f64 = 0.1;
 /// Share of an estimate that a beam takes, besides the march's own step multiplier.
 const CAUTION: f64 = 0.9;
-/// The next proof is to reach this much further than the last one did, and radii of the beam at least.
+/// The next proof is to reach this much further than the last one did, and beyond its radius at least.
 const PROPOSAL: f64 = 1.5;
+/// What the next proof is to reach at least, as a share of what the last one was to, before [`PROPOSAL`].
+const LESS: f64 = 0.2;
+/// A beam ends where not even a proof that was to reach this many of its radii gets it on.
+const LEAST_TRIED: f64 = 2.0;
 /// Share of the beam's range that the first proof is to reach.
 const FIRST: f64 = 0.25;
 
@@ -70,11 +74,8 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
         DifferenceStep::Share(share) => ray.last_de * share,
         DifferenceStep::Fixed(step) => arena.f(step),
     };
-    let is_first = ray.last_de.lt(arena.f(0.0));
     let h = match settings.certified {
-        true => is_first
-            .select((ray.t_far - ray.t_near) / spread * FIRST, ray.last_de * PROPOSAL)
-            .max(ray.t * PROPOSAL),
+        true => proposal(&ray),
         false => wanted.max(largest * settings.min_difference),
     };
     function.output("p", p);
@@ -82,6 +83,13 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     function.output("h", h);
     function.output("hit_eps", ray.t / spread * settings.pixel_radius + settings.hit_eps);
     function
+}
+
+/// How far the next proof is to reach.
+fn proposal<'g>(ray: &Inputs<'g>) -> Expr<'g> {
+    let is_first = ray.last_de.lt(ray.t.lift(0.0));
+    let first = (ray.t_far - ray.t_near) / spread(ray) * FIRST;
+    is_first.select(first, ray.last_de * PROPOSAL).max(ray.t * PROPOSAL)
 }
 
 fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
@@ -103,10 +111,17 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let gained = w.lt(ball).select(room.max(zero), zero) * spread;
     let forward = w + gained;
     let miss = ray.t_far.le(forward);
-    let useless = gained.le(w * spread * useful()).or(forward.le(w));
+    let mut useless = gained.le(w * spread * useful()).or(forward.le(w));
+    let mut last_de = usable;
+    if settings.certified {
+        // A proof that was to reach too far may prove little: it is tried again for less before the beam ends.
+        let tried = proposal(&ray);
+        useless = useless.and(tried.le(w * LEAST_TRIED));
+        last_de = last_de.max(tried * LESS);
+    }
     let code = |status: Status| arena.f(status.code());
     let status = miss.select(code(Status::Miss), useless.select(code(Status::Hit), ray.status));
-    let next = [forward, w, w, arena.f(-1.0), usable, status];
+    let next = [forward, w, w, arena.f(-1.0), last_de, status];
     for (port, value) in march_state_ports().into_iter().zip(next) {
         function.output(port.name, value);
     }

@@ -9,9 +9,11 @@
 mod beam;
 mod certified;
 mod relaxed;
+mod shadow;
 
 pub use beam::{beam_plan, compose_beam_march};
 pub use certified::is_undecided;
+pub use shadow::compose_shadow_march;
 
 use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Port, Type};
@@ -41,9 +43,6 @@ pub struct MarchSettings {
     /// How much longer than the estimate times `fudge` a step may be; 1 takes no longer ones. Longer steps need estimates
     /// that hold all around their point.
     pub relaxation: f64,
-    /// What is added to the shortest step, as a share of the way from the ray's start: for rays that need not see farther
-    /// things as sharply.
-    pub blur: f64,
 }
 
 /// [`MarchSettings::min_difference`] for single precision.
@@ -63,7 +62,6 @@ impl Default for MarchSettings {
             certified: false,
             difference_step: DifferenceStep::default(),
             relaxation: 1.0,
-            blur: 0.0,
         }
     }
 }
@@ -186,7 +184,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     // numbers at t, or of no length at t = 0, would stand still: then the least step that any precision has is taken.
     // Proofs may be shorter than the walk's steps.
     let usable = zero.le(de).select(de, zero);
-    let walk = hit_eps * settings.least_step + (ray.t - ray.t_near) * settings.blur;
+    let walk = hit_eps * settings.least_step;
     let step = match settings.certified {
         true => certified::step(usable, walk),
         false => (usable * settings.fudge).max(walk),
