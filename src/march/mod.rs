@@ -196,7 +196,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let middle = (t_inside + t_outside) * 0.5;
     // No number may be left between the ends, however far they are from as near as they should be.
     let between = t_outside.lt(middle).and(middle.lt(t_inside));
-    let narrow = (t_inside - t_outside).le(hit_eps * BISECTION).or(!between);
+    let narrow = (t_inside - t_outside).le(hit_eps * std::env::var("BISECT").ok().and_then(|s| s.parse().ok()).unwrap_or(BISECTION)).or(!between);
     let hit = crossed.and(narrow.or(started_inside));
     let miss = (!crossed).and(ray.t_far.le(forward));
     let code = |status: Status| arena.f(status.code());

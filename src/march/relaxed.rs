@@ -54,9 +54,19 @@ pub(super) fn farther<'g>(
     // Without an estimate before it the slope is that of the way straight to a wall.
     let is_known = zero.le(ray.t_outside).and(zero.lt(ray.last_de));
     let slope = is_known.select((de - ray.last_de) * settings.fudge / gap, -one);
-    let times = (arena.f(2.0 * caution()) / (one - slope).max(arena.f(2.0 / settings.relaxation))).max(one);
+    let times = touching(settings, slope);
     let wanted = ray.t + ball * times;
     (hit_eps * nearest()).lt(ball).select(wanted.max(forward), forward)
+}
+
+fn keep() -> f64 {
+    std::env::var("KEEP").ok().and_then(|s| s.parse().ok()).unwrap_or(0.75)
+}
+
+/// The length of a step whose balls touch where their radius changes by this slope, in balls.
+fn touching<'g>(settings: &MarchSettings, slope: Expr<'g>) -> Expr<'g> {
+    let least = slope.lift(2.0 / settings.relaxation);
+    (slope.lift(2.0 * caution()) / (1.0 - slope).max(least)).max(slope.lift(1.0))
 }
 
 /// The state `next`, or the way back where the step to here was too long: `t, t_front, t_outside, t_inside, last_de, status`.
@@ -79,7 +89,10 @@ pub(super) fn or_back<'g>(
     let was_longer = is_march.and((last_step + hit_eps * SLACK).lt(gap));
     let is_apart = inside.or((last_ball + de * settings.fudge).lt(gap));
     let back = was_longer.and(is_apart);
-    let here = [ray.t_outside + last_step, ray.t_front, ray.t_outside, ray.t_inside, ray.last_de, ray.status];
+    let times = touching(settings, (de - ray.last_de) * settings.fudge / gap);
+    // Whatever it is, it must come nearer every time.
+    let touch = inside.select(last_step, (last_ball * times).min(gap * keep()).max(last_step));
+    let here = [ray.t_outside + touch, ray.t_front, ray.t_outside, ray.t_inside, ray.last_de, ray.status];
     let mut state = next;
     state.iter_mut().zip(here).for_each(|(next, here)| *next = back.select(here, *next));
     state

@@ -87,12 +87,18 @@ impl Tiles {
     fn around(items: &[(u32, u32)], edge: u32) -> Tiles {
         let mut numbers = HashMap::new();
         let mut corners = Vec::new();
+        let mut last = ((u32::MAX, 0), 0);
         let mut number = |(x, y): &(u32, u32)| {
             let corner = (x - x % edge, y - y % edge);
-            *numbers.entry(corner).or_insert_with(|| {
-                corners.push(corner);
-                corners.len() - 1
-            })
+            if last.0 != corner {
+                let new = numbers.len();
+                let number = *numbers.entry(corner).or_insert(new);
+                if number == new {
+                    corners.push(corner);
+                }
+                last = (corner, number);
+            }
+            last.1
         };
         let of = items.iter().map(&mut number).collect();
         Tiles { corners, of }
