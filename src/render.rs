@@ -4,14 +4,16 @@ mod beams;
 
 use std::time::{Duration, Instant};
 
+use self::beams::{BeamKernels, Beams, Starts};
 use crate::compose::choose::{UNIT_F32, UNIT_F64};
 use crate::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::film::{Image, tiles};
 use crate::graph::{Camera, EstimateSettings, Look};
 use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
-use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, compose_march, compose_shadow_march, is_undecided};
-use self::beams::{BeamKernels, Beams, Starts};
+use crate::march::{
+    MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, compose_march, compose_shadow_march, is_undecided,
+};
 use crate::shade::{self, CameraFrame, Size};
 
 /// What a picture needs besides its fractal.
@@ -81,11 +83,7 @@ impl Pipeline {
     pub fn kernels(&self) -> Vec<(&'static str, &Kernel)> {
         let mut kernels = vec![("camera", &self.camera_kernel)];
         kernels.extend(self.beams.iter().flat_map(BeamKernels::named));
-        kernels.extend([
-            ("march", &self.march),
-            ("surface_point", &self.surface_point),
-            ("surface", &self.surface),
-        ]);
+        kernels.extend([("march", &self.march), ("surface_point", &self.surface_point), ("surface", &self.surface)]);
         kernels.extend(self.shadow_ray.as_ref().map(|k| ("shadow_ray", k)));
         kernels.extend(self.shadow_march.as_ref().map(|k| ("shadow_march", k)));
         kernels.extend([("colour", &self.colour), ("encode", &self.encode)]);
@@ -110,9 +108,6 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         max_march_steps: settings.max_march_steps,
         ..MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference)
     };
-    let mut with_plain = settings.clone();
-    with_plain.plain |= std::env::var_os("PLAIN").is_some();
-    let settings = &with_plain;
     let beams = match settings.plain {
         true => None,
         false => BeamKernels::new(composer, &plan, &camera, settings, &march)?,

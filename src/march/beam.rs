@@ -10,7 +10,7 @@
 use super::{Inputs, MarchSettings, ports};
 use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Port, Type};
-use crate::graph::{DifferenceStep, Method};
+use crate::graph::Method;
 use crate::kernel::{Estimator, March, Status, march_state_ports};
 
 /// Share of a beam's radius that an advance is worth an estimate for.
@@ -25,13 +25,6 @@ const LESS: f64 = 0.2;
 const LEAST_TRIED: f64 = 2.0;
 /// Share of the beam's range that the first proof is to reach.
 const FIRST: f64 = 0.25;
-
-fn useful() -> f64 {
-    std::env::var("USEFUL").ok().and_then(|s| s.parse().ok()).unwrap_or(USEFUL)
-}
-fn caution() -> f64 {
-    std::env::var("BCAUTION").ok().and_then(|s| s.parse().ok()).unwrap_or(CAUTION)
-}
 
 /// The plan of the beams of a plan's rays: the same, with balls where proofs are of segments. `None` where estimates hold
 /// along their ray alone.
@@ -68,15 +61,9 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     let ray = Inputs::new(arena);
     let p = ray.origin + ray.direction * ray.t;
     let spread = spread(&ray);
-    let sizes = p.abs().components();
-    let largest = sizes[0].max(sizes[1]).max(sizes[2]).max(arena.f(1.0));
-    let wanted = match settings.difference_step {
-        DifferenceStep::Share(share) => ray.last_de * share,
-        DifferenceStep::Fixed(step) => arena.f(step),
-    };
     let h = match settings.certified {
         true => proposal(&ray),
-        false => wanted.max(largest * settings.min_difference),
+        false => ray.difference(settings, p),
     };
     function.output("p", p);
     function.output("d", ray.direction * spread);
@@ -102,7 +89,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let (de, inside) = (arena.input(first, Type::F), arena.input(first + 1, Type::B));
     let zero = arena.f(0.0);
     let usable = inside.select(zero, zero.le(de).select(de, zero));
-    let certain = if settings.certified { 1.0 } else { settings.fudge * caution() };
+    let certain = if settings.certified { 1.0 } else { settings.fudge * CAUTION };
     let ball = usable * certain;
     let (w, spread) = (ray.t, spread(&ray));
     let half = w * spread * 0.5;
@@ -111,7 +98,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let gained = w.lt(ball).select(room.max(zero), zero) * spread;
     let forward = w + gained;
     let miss = ray.t_far.le(forward);
-    let mut useless = gained.le(w * spread * useful()).or(forward.le(w));
+    let mut useless = gained.le(w * spread * USEFUL).or(forward.le(w));
     let mut last_de = usable;
     if settings.certified {
         // A proof that was to reach too far may prove little: it is tried again for less before the beam ends.

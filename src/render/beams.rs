@@ -1,8 +1,8 @@
 //! The pre-pass: beams that each hold the rays of a tile of pixels find how far nothing is, so that the rays start there.
 //!
 //! In come pixels; out comes for each of them a depth that its rays, wherever in the pixel they go through, are known or
-//! estimated to be empty up to ([`NOTHING`] where they all leave the bounding sphere). Tiles of [`LEVELS`] go from large to small: a
-//! beam starts where the one around it ended.
+//! estimated to be empty up to ([`NOTHING`] where they all leave the bounding sphere). Tiles of [`EDGES`] go from large to small: a
+//! beam starts where the one around it ended. The smallest hold as many rays as pay for their beam.
 
 use std::collections::HashMap;
 
@@ -15,7 +15,9 @@ use crate::march::{MarchSettings, beam_plan, compose_beam_march};
 use crate::shade::{self, pixel_radius};
 
 /// Edges of tiles in pixels; each is a multiple of the next.
-const LEVELS: [u32; 2] = [32, 8];
+const EDGES: [u32; 5] = [32, 8, 4, 2, 1];
+/// Rays along the edge of a tile that pay for its beam.
+const ENOUGH: u32 = 4;
 /// The depth of pixels without anything: beyond every bounding sphere.
 pub const NOTHING: f64 = 1e30;
 /// Share by which beams are wider than their tiles, for rounding.
@@ -31,6 +33,8 @@ pub struct BeamKernels {
     pub begin: Kernel,
     /// Radius of a pixel at distance 1.
     pixel_radius: f64,
+    /// Edges of tiles in pixels, falling.
+    edges: Vec<u32>,
 }
 
 impl BeamKernels {
@@ -50,6 +54,7 @@ impl BeamKernels {
             march: Kernel::March(compose_beam_march(arena, estimator, march)),
             begin: Kernel::Map(shade::compose_begin(arena)),
             pixel_radius: pixel_radius(camera, settings.size),
+            edges: EDGES.into_iter().filter(|edge| edge * settings.samples.max(1) >= ENOUGH).collect(),
         }))
     }
 
@@ -65,6 +70,7 @@ pub struct Beams<B: Backend> {
     march: B::Prepared,
     begin: B::Prepared,
     pixel_radius: f64,
+    edges: Vec<u32>,
 }
 
 /// What beams found.
@@ -105,10 +111,6 @@ impl Tiles {
     }
 }
 
-fn levels() -> Vec<u32> {
-    std::env::var("LEVELS").ok().map_or(LEVELS.to_vec(), |s| s.split(',').filter_map(|x| x.parse().ok()).collect())
-}
-
 impl<B: Backend> Beams<B> {
     /// Compiles the kernels.
     pub fn new(backend: &B, arena: &Arena, kernels: &BeamKernels) -> Result<Beams<B>, BackendError> {
@@ -117,6 +119,7 @@ impl<B: Backend> Beams<B> {
             march: backend.prepare(arena, &kernels.march)?,
             begin: backend.prepare(arena, &kernels.begin)?,
             pixel_radius: kernels.pixel_radius,
+            edges: kernels.edges.clone(),
         })
     }
 
@@ -124,7 +127,7 @@ impl<B: Backend> Beams<B> {
     pub fn starts(&self, backend: &B, pixels: &[(u32, u32)]) -> Result<Starts, BackendError> {
         // From pixels to larger and larger tiles, then back with depths.
         let mut levels_of: Vec<(u32, Tiles)> = Vec::new();
-        for &edge in levels().iter().rev() {
+        for &edge in self.edges.iter().rev() {
             let items = levels_of.last().map_or(pixels, |(_, tiles)| &tiles.corners);
             let tiles = Tiles::around(items, edge);
             levels_of.push((edge, tiles));

@@ -72,7 +72,8 @@ pub fn compose_camera(arena: &Arena, camera: &Camera, size: Size, bounding_radiu
 /// directions differ from its own by at most `spread`. It begins at distance `start`. What comes out is a ray whose
 /// parameter is the beam's radius (see [`crate::march::compose_beam_march`]): t times `spread`.
 pub fn compose_beam(arena: &Arena, camera: &Camera, size: Size, bounding_radius: f64) -> Function {
-    let mut function = Function::new("beam", ["x", "y", "spread", "start"].map(|name| Port::new(name, Type::F)).to_vec());
+    let mut function =
+        Function::new("beam", ["x", "y", "spread", "start"].map(|name| Port::new(name, Type::F)).to_vec());
     let [x, y, spread, start] = [0, 1, 2, 3].map(|i| arena.input(i, Type::F));
     let direction = direction_of(arena, camera, size, x, y);
     // The farthest point of the ball is this far away, so this far beside it may be the centre of a beam that touches it.
