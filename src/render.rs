@@ -12,7 +12,7 @@ use crate::film::{Image, tiles};
 use crate::graph::{Camera, EstimateSettings, Look};
 use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
 use crate::march::{
-    MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, compose_march, compose_shadow_march, is_undecided,
+    MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, SKIPPED, compose_march, compose_shadow_march, is_undecided,
 };
 use crate::shade::{self, CameraFrame, Size};
 
@@ -119,22 +119,21 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let estimator = compose_estimator(composer, choices, Purpose::March)?;
     let radius = plan.bounding_radius;
     let sun = shade::sun_direction(look, &frame);
-    let shadow_march = look.shadows.then(|| match settings.plain {
-        true => compose_march(arena, estimator.clone(), &march),
-        false => compose_shadow_march(arena, estimator.clone(), &march),
-    });
+    let (shadow_march, skipped) = match settings.plain {
+        true => (compose_march(arena, estimator.clone(), &march), 0.0),
+        false => (compose_shadow_march(arena, estimator.clone(), &march), SKIPPED),
+    };
+    let shadow_ray = shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius, skipped);
     Ok(Pipeline {
         camera,
         pixel_radius,
         camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, radius)),
         beams,
         march: Kernel::March(compose_march(arena, estimator, &march)),
-        shadow_march: shadow_march.map(Kernel::March),
         surface_point: Kernel::Map(shade::compose_surface_point(arena, march.pixel_radius, settings.min_difference)),
         surface: Kernel::Estimate(compose_estimator(composer, choices, Purpose::Surface)?),
-        shadow_ray: look
-            .shadows
-            .then(|| Kernel::Map(shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius))),
+        shadow_ray: look.shadows.then_some(Kernel::Map(shadow_ray)),
+        shadow_march: look.shadows.then_some(Kernel::March(shadow_march)),
         colour: Kernel::Map(shade::compose_colour(arena, look, &frame, radius)),
         encode: Kernel::Map(shade::compose_encode(arena)),
         plan,

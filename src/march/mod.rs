@@ -14,7 +14,7 @@ mod shadow;
 
 pub use beam::{beam_plan, compose_beam_march};
 pub use certified::is_undecided;
-pub use shadow::compose_shadow_march;
+pub use shadow::{SKIPPED, compose_shadow_march};
 
 use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Port, Type};

@@ -11,7 +11,7 @@ use crate::compose::Plan;
 use crate::expr::Expr;
 use crate::graph::Method;
 
-/// Balls that a step is long at most. With 3 shadow rays of boxes save a tenth, those of bulbs cost more.
+/// Balls that a step is long at most; longer ones go back more often than they gain.
 const MOST: f64 = 2.0;
 /// Share taken of the length at which balls touch if the estimate goes on as it did.
 const CAUTION: f64 = 0.9;

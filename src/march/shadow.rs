@@ -11,13 +11,19 @@ use crate::kernel::{Estimator, March, Status};
 /// Radius of the sun's disc at distance 1.
 const SUN_RADIUS: f64 = 0.0047;
 
+/// Balls that a step is long at most: these rays leave a surface, and estimates grow along them.
+const MOST: f64 = 3.0;
+/// Hit thresholds in front of its start that such a ray has no need to look at.
+pub const SKIPPED: f64 = 2.0;
+
 /// The march of shadow rays. The status says whether they hit; of the other columns only the counts mean anything.
 pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &MarchSettings) -> March {
     // Where proofs are short, nothing needs be near, and longer steps of the walk pass what ends it.
     if settings.certified {
         return stop_at_crossing(arena, &compose_march(arena, estimator, settings));
     }
-    let coarse = MarchSettings { least_step: settings.least_step.max(LEAST_STEP), ..*settings };
+    let relaxation = if settings.relaxation > 1.0 { MOST } else { 1.0 };
+    let coarse = MarchSettings { least_step: settings.least_step.max(LEAST_STEP), relaxation, ..*settings };
     let mut march = stop_at_crossing(arena, &compose_march(arena, estimator, &coarse));
     let ray = Inputs::new(arena);
     let de = arena.input(ports().len() as u16, Type::F);

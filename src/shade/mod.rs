@@ -144,8 +144,15 @@ pub fn compose_surface_point(arena: &Arena, pixel_radius: f64, min_difference: f
     function
 }
 
-/// Rays towards the sun. Their parameter starts at the hit's own, so that thresholds stay those of the pixel.
-pub fn compose_shadow_ray(arena: &Arena, sun: [f64; 3], pixel_radius: f64, bounding_radius: f64) -> Function {
+/// Rays towards the sun. Their parameter starts at the hit's own, so that thresholds stay those of the pixel, and `skipped` hit
+/// thresholds further on: what is nearer than a footprint or two is part of the surface that the pixel shows.
+pub fn compose_shadow_ray(
+    arena: &Arena,
+    sun: [f64; 3],
+    pixel_radius: f64,
+    bounding_radius: f64,
+    skipped: f64,
+) -> Function {
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
     ports.push(Port::new("gradient", Type::V3));
@@ -161,7 +168,8 @@ pub fn compose_shadow_ray(arena: &Arena, sun: [f64; 3], pixel_radius: f64, bound
     let lit = arena.f(0.0).lt(normal.dot(sun_direction));
     let wanted = ray.is_hit.and(lit).and(arena.f(0.0).lt(far));
     let origin = start - sun_direction * ray.t;
-    output_ray(&mut function, origin, sun_direction, ray.t, wanted.select(ray.t + far, arena.f(-1.0)));
+    let near = ray.t + hit_eps * skipped;
+    output_ray(&mut function, origin, sun_direction, near, wanted.select(ray.t + far, arena.f(-1.0)));
     function
 }
 
