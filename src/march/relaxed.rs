@@ -15,6 +15,9 @@ use crate::graph::Method;
 const MOST: f64 = 2.0;
 /// Share taken of the length at which balls touch if the estimate goes on as it did.
 const CAUTION: f64 = 0.9;
+/// Step multiplier up to which estimates are trusted on both sides of their point. Where it is 1 estimates reach a little
+/// beyond the surface of what is drawn, which a march that comes near in front of it does not notice.
+const TRUSTED: f64 = 0.7;
 /// Share of a step that was too long that the next try may be as long as.
 const SHORTER: f64 = 0.9;
 /// Share of a step of the walk by which rounding may make a step longer than it was meant.
@@ -44,13 +47,24 @@ pub(super) fn farther<'g>(
     let is_known = zero.le(ray.t_outside).and(zero.lt(ray.last_de));
     let slope = is_known.select((de - ray.last_de) * settings.fudge / gap, ray.t.lift(-1.0));
     let wanted = ray.t + ball * touching(settings, slope);
-    walk.lt(ball).select(wanted.max(forward), forward)
+    walk.max(walk * (nearest() / settings.least_step)).lt(ball).select(wanted.max(forward), forward)
+}
+
+/// What part of the ball in front of a point is trusted behind it, too: all where the step multiplier is [`TRUSTED`] or less.
+fn behind(settings: &MarchSettings) -> f64 {
+    let trusted: f64 = std::env::var("TRUST").ok().and_then(|s| s.parse().ok()).unwrap_or(TRUSTED);
+    (trusted / settings.fudge).min(1.0)
+}
+
+fn nearest() -> f64 {
+    std::env::var("NEAREST").ok().and_then(|s| s.parse().ok()).unwrap_or(0.0)
 }
 
 /// The length of a step whose balls touch if their radius goes on to change by this slope, in balls of its start.
 fn touching<'g>(settings: &MarchSettings, slope: Expr<'g>) -> Expr<'g> {
-    let least = slope.lift(2.0 / settings.relaxation);
-    (slope.lift(2.0 * CAUTION) / (1.0 - slope).max(least)).max(slope.lift(1.0))
+    let behind = behind(settings);
+    let length = (1.0 + behind) * CAUTION;
+    (slope.lift(length) / (1.0 - slope * behind).max(slope.lift(length / settings.relaxation))).max(slope.lift(1.0))
 }
 
 /// The state `next`, or the way back where the step to here was too long: `t, t_front, t_outside, t_inside, last_de, status`.
@@ -71,7 +85,7 @@ pub(super) fn or_back<'g>(
     let plain = last_ball.max(walk);
     let is_march = zero.le(ray.t_outside).and(ray.t_inside.lt(zero));
     let was_longer = is_march.and((plain + walk * SLACK).lt(gap));
-    let is_apart = inside.or((last_ball + ball).lt(gap));
+    let is_apart = inside.or((last_ball + ball * behind(settings)).lt(gap));
     let touch = last_ball * touching(settings, (ball - last_ball) / gap);
     let t = ray.t_outside + inside.select(plain, touch.min(gap * SHORTER).max(plain));
     // Back means back, whatever is lost to rounding.
