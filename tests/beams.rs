@@ -99,7 +99,9 @@ fn pictures_take_half_the_estimates() {
         let formula = Formula::builtin(name).unwrap();
         let plan = planned(&formula.subject(), &wanted);
         let size = Size { width: 640, height: 480 };
-        let [plain, new] = [true, false].map(|plain| counted(&formula, &plan, &settings(size, plain, Target::CpuF32)));
+        // As many samples as `render` takes.
+        let two = |plain| RenderSettings { samples: 2, ..settings(size, plain, Target::CpuF32) };
+        let [plain, new] = [true, false].map(|plain| counted(&formula, &plan, &two(plain)));
         let [rays, all] = [
             (plain.estimates, new.beam_estimates + new.estimates),
             (plain.estimates + plain.shadow_estimates, new.beam_estimates + new.estimates + new.shadow_estimates),

@@ -108,7 +108,10 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     }
     let code = |status: Status| arena.f(status.code());
     let status = miss.select(code(Status::Miss), useless.select(code(Status::Hit), ray.status));
-    let next = [forward, w, w, arena.f(-1.0), last_de, status];
+    // Where estimates are too long a beam may end up inside the set; its rays start where it was outside, so that they
+    // come to the surface from there.
+    let t = inside.select(ray.t_front, forward);
+    let next = [t, w, w, arena.f(-1.0), last_de, inside.select(code(Status::Hit), status)];
     for (port, value) in march_state_ports().into_iter().zip(next) {
         function.output(port.name, value);
     }

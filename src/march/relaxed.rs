@@ -17,7 +17,7 @@ const MOST: f64 = 2.0;
 const CAUTION: f64 = 0.9;
 /// Step multiplier up to which estimates are trusted on both sides of their point. Where it is 1 estimates reach a little
 /// beyond the surface of what is drawn, which a march that comes near in front of it does not notice.
-const TRUSTED: f64 = 0.7;
+const TRUSTED: f64 = 0.6;
 /// Share of a step that was too long that the next try may be as long as.
 const SHORTER: f64 = 0.9;
 /// Share of a step of the walk by which rounding may make a step longer than it was meant.
@@ -47,17 +47,12 @@ pub(super) fn farther<'g>(
     let is_known = zero.le(ray.t_outside).and(zero.lt(ray.last_de));
     let slope = is_known.select((de - ray.last_de) * settings.fudge / gap, ray.t.lift(-1.0));
     let wanted = ray.t + ball * touching(settings, slope);
-    walk.max(walk * (nearest() / settings.least_step)).lt(ball).select(wanted.max(forward), forward)
+    walk.lt(ball).select(wanted.max(forward), forward)
 }
 
 /// What part of the ball in front of a point is trusted behind it, too: all where the step multiplier is [`TRUSTED`] or less.
 fn behind(settings: &MarchSettings) -> f64 {
-    let trusted: f64 = std::env::var("TRUST").ok().and_then(|s| s.parse().ok()).unwrap_or(TRUSTED);
-    (trusted / settings.fudge).min(1.0)
-}
-
-fn nearest() -> f64 {
-    std::env::var("NEAREST").ok().and_then(|s| s.parse().ok()).unwrap_or(0.0)
+    (TRUSTED / settings.fudge).min(1.0)
 }
 
 /// The length of a step whose balls touch if their radius goes on to change by this slope, in balls of its start.
