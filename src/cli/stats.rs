@@ -69,6 +69,7 @@ impl Report<'_> {
             "camera": {
                 "position": camera.position, "target": camera.target, "up": camera.up, "fov": camera.fov.to_degrees(),
             },
+            "beams": stats.beams,
             "rays": stats.rays,
             "refined": stats.refined,
             "samples_per_pixel": stats.rays as f64 / self.pixels(),
@@ -80,6 +81,7 @@ impl Report<'_> {
             "march_steps_max": stats.max_steps,
             "iterations_mean": ratio(stats.iterations as f64, stats.estimates as f64),
             "estimates_per_pixel": {
+                "beams": stats.beam_estimates as f64 / self.pixels(),
                 "primary": stats.estimates as f64 / self.pixels(),
                 "shadow": stats.shadow_estimates as f64 / self.pixels(),
             },
@@ -119,11 +121,15 @@ impl Report<'_> {
         let mean = ratio(stats.estimates as f64, stats.rays as f64);
         row("march steps", format!("{mean:.1} on average, {} at most", stats.max_steps));
         row("iterations", format!("{:.2} an estimate", ratio(stats.iterations as f64, stats.estimates as f64)));
-        let primary = stats.estimates as f64 / self.pixels();
-        row(
-            "estimates per pixel",
-            format!("{primary:.1} primary, {:.1} shadow", stats.shadow_estimates as f64 / self.pixels()),
-        );
+        let each = |estimates: u64| estimates as f64 / self.pixels();
+        if stats.beams > 0 {
+            let mean = ratio(stats.beam_estimates as f64, stats.beams as f64);
+            row("beams", format!("{}, {mean:.1} estimates each", stats.beams));
+        }
+        let parts = [stats.beam_estimates, stats.estimates, stats.shadow_estimates];
+        let [beams, primary, shadow] = parts.map(each);
+        let all = beams + primary + shadow;
+        row("estimates per pixel", format!("{all:.1}: {beams:.2} beams, {primary:.1} primary, {shadow:.1} shadow"));
         row("compile time", format!("{:.3} s", stats.compile.as_secs_f64()));
         row("render time", format!("{:.3} s", stats.render.as_secs_f64()));
         let stages: Vec<String> =

@@ -4,11 +4,17 @@
 //! is straight-line and stands here as expressions, once for all back ends: where to estimate ([`compose_march`]'s
 //! `locate`) and what to make of the answer (`advance`). Rules: a step is the estimate times `fudge`, at least
 //! `least_step` times the hit threshold; an estimate under the threshold whose point is still outside is walked on from, so only a point that is
-//! inside stops the ray; from there it bisects back to the boundary.
+//! inside stops the ray; from there it bisects back to the boundary. Steps may be longer (see `relaxed`); many rays may share
+//! the first part of their way (see `beam`), and those to the sun need less (see `shadow`).
 
+mod beam;
 mod certified;
+mod relaxed;
+mod shadow;
 
+pub use beam::{beam_plan, compose_beam_march};
 pub use certified::is_undecided;
+pub use shadow::{SKIPPED, compose_shadow_march};
 
 use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Port, Type};
@@ -35,6 +41,9 @@ pub struct MarchSettings {
     pub certified: bool,
     /// Step of finite differences, where that is above the least one.
     pub difference_step: DifferenceStep,
+    /// How much longer than the estimate times `fudge` a step may be; 1 takes no longer ones. Longer steps need estimates
+    /// that hold all around their point.
+    pub relaxation: f64,
 }
 
 /// Estimates after which a ray of estimates is unfinished.
@@ -58,6 +67,7 @@ impl Default for MarchSettings {
             min_difference: MIN_DIFFERENCE_F32,
             certified: false,
             difference_step: DifferenceStep::default(),
+            relaxation: 1.0,
         }
     }
 }
@@ -73,13 +83,14 @@ impl MarchSettings {
             certified: plan.is_certified(),
             max_march_steps: if plan.is_certified() { MAX_STEPS_OF_PROOFS } else { MAX_STEPS },
             difference_step: plan.difference_step,
+            relaxation: relaxed::of_plan(plan),
             ..MarchSettings::default()
         }
     }
 }
 
 /// Share of the hit threshold that bisection narrows a hit down to.
-const BISECTION: f64 = 1.0 / 16.0;
+const BISECTION: f64 = 1.0 / 8.0;
 
 /// Expressions of a ray and its state, as inputs of `locate` and `advance`.
 struct Inputs<'g> {
@@ -121,6 +132,18 @@ impl<'g> Inputs<'g> {
     fn hit_eps(&self, settings: &MarchSettings) -> Expr<'g> {
         self.t * settings.pixel_radius + settings.hit_eps
     }
+
+    /// The step of finite differences at a point.
+    fn difference(&self, settings: &MarchSettings, p: Expr<'g>) -> Expr<'g> {
+        let sizes = p.abs().components();
+        let largest = sizes[0].max(sizes[1]).max(sizes[2]).max(p.arena.f(1.0));
+        // A share of the last estimate is below 0, and the least step taken, before there is one.
+        let wanted = match settings.difference_step {
+            DifferenceStep::Share(share) => self.last_de * share,
+            DifferenceStep::Fixed(step) => p.arena.f(step),
+        };
+        wanted.max(largest * settings.min_difference)
+    }
 }
 
 /// Joins an estimator with the march's own functions.
@@ -139,20 +162,11 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     let mut function = Function::new("locate", ports());
     let ray = Inputs::new(arena);
     let p = ray.origin + ray.direction * ray.t;
-    let largest = {
-        let sizes = p.abs().components();
-        sizes[0].max(sizes[1]).max(sizes[2]).max(arena.f(1.0))
-    };
-    // A share of the last estimate is below 0, and the least step taken, before there is one.
-    let wanted = match settings.difference_step {
-        DifferenceStep::Share(share) => ray.last_de * share,
-        DifferenceStep::Fixed(step) => arena.f(step),
-    };
     function.output("p", p);
     function.output("d", ray.direction);
     let h = match settings.certified {
         true => certified::proposal(&ray, ray.hit_eps(settings) * settings.least_step),
-        false => wanted.max(largest * settings.min_difference),
+        false => ray.difference(settings, p),
     };
     function.output("h", h);
     function.output("hit_eps", ray.hit_eps(settings));
@@ -189,6 +203,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let wanted = ray.t + step;
     let least = ray.t * (1.0 + 2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01;
     let forward = wanted.le(ray.t).select(least, wanted);
+    let farther = relaxed::farther(&ray, settings, walk, usable, forward);
     let middle = (t_inside + t_outside) * 0.5;
     // No number may be left between the ends, however far they are from as near as they should be.
     let between = t_outside.lt(middle).and(middle.lt(t_inside));
@@ -197,7 +212,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let miss = (!crossed).and(ray.t_far.le(forward));
     let code = |status: Status| arena.f(status.code());
     let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
-    let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, forward.min(ray.t_far)));
+    let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, farther.min(ray.t_far)));
     if settings.certified {
         let steps = certified::Steps { walk, hit_eps, de: usable, t_outside, t_inside, hit, miss, crossed };
         certified::advance(&mut function, &ray, &steps, status, t);
@@ -206,12 +221,12 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     // The front stays where a walk under the threshold began.
     let walking = usable.lt(hit_eps).and(ray.last_de.lt(hit_eps)).and(zero.le(ray.last_de));
     let settled = crossed.or(walking);
-    function.output("t", t);
-    function.output("t_front", settled.select(ray.t_front, ray.t));
-    function.output("t_outside", t_outside.max(unknown));
-    function.output("t_inside", t_inside);
-    function.output("last_de", usable);
-    function.output("status", status);
+    let t_front = settled.select(ray.t_front, ray.t);
+    let next = [t, t_front, t_outside.max(unknown), t_inside, usable, status];
+    let next = relaxed::or_back(&ray, settings, walk, usable, inside, next);
+    for (port, value) in march_state_ports().into_iter().zip(next) {
+        function.output(port.name, value);
+    }
     function
 }
 

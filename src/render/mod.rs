@@ -4,6 +4,7 @@
 //! time where the back end can. A first pass takes one ray through the centre of every pixel; where neighbours differ, a
 //! second one takes all samples (see [`Sampling`]). Every ray is marched alone, so how a picture is cut never shows in it.
 
+mod beams;
 mod meter;
 mod picture;
 mod pipeline;
@@ -11,7 +12,8 @@ mod refine;
 mod renderer;
 mod stats;
 
-pub use pipeline::{Pipeline, compose_pipeline, compose_planned, in_precision};
+pub use beams::{BeamKernels, BeamTiles};
+pub use pipeline::{Pipeline, Shape, compose_pipeline, compose_planned, in_precision};
 pub use renderer::{Cut, Renderer};
 pub use stats::Stats;
 
@@ -42,8 +44,11 @@ pub struct RenderSettings {
     pub sampling: Sampling,
     /// Hit threshold in pixel radii.
     pub detail: f64,
-    /// Least relative step of finite differences, by the precision of the back end (see [`MarchSettings`]).
+    /// Least relative step of finite differences, by the precision of the back end (see [`MarchSettings`](crate::march::MarchSettings)).
     pub min_difference: f64,
+    /// Every ray is marched from the bounding sphere by steps no longer than an estimate, shadow rays as sharply as primary
+    /// ones: what everything else is compared with.
+    pub plain: bool,
 }
 
 impl Default for RenderSettings {
@@ -55,6 +60,7 @@ impl Default for RenderSettings {
             sampling: Sampling::default(),
             detail: 1.0,
             min_difference: MIN_DIFFERENCE_F32,
+            plain: false,
         }
     }
 }

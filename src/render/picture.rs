@@ -112,7 +112,7 @@ impl<B: Backend> Renderer<'_, B> {
         // Pixels of many tiles together, so that no run is short.
         let parts: Vec<&[(u32, u32)]> = pixels.chunks((self.cut.rays / self.samples.len()).max(1)).collect();
         let results = self.in_parts(&parts, meter, stats, |pixels, part| {
-            let firsts: Vec<[f32; 3]> = pixels.iter().map(|&pixel| seen.at(pixel).linear).collect();
+            let firsts: Vec<Sample> = pixels.iter().map(|&pixel| seen.at(pixel)).collect();
             let colours = self.other_samples(pixels, &firsts, part)?;
             meter.advance(pixels.len() * (self.samples.len() - 1));
             Ok(colours)

@@ -1,12 +1,13 @@
 //! The kernels of a picture, composed from a fractal, its view and its plan.
 
 use super::RenderSettings;
+use super::beams::{BeamKernels, BeamTiles};
 use crate::compose::choose::{UNIT_F32, UNIT_F64};
 use crate::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::graph::{Camera, Look};
 use crate::kernel::Kernel;
-use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, compose_march};
+use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, SKIPPED, compose_march, compose_shadow_march};
 use crate::shade::{self, CameraFrame};
 
 /// The kernels of a picture.
@@ -19,7 +20,9 @@ pub struct Pipeline {
     pub pixel_radius: f64,
     /// Pixels to rays.
     pub camera_kernel: Kernel,
-    /// Rays to hits; primary and shadow rays alike.
+    /// What finds out for many pixels at once how far nothing is; absent where every ray is marched by itself.
+    pub beams: Option<BeamKernels>,
+    /// Rays to hits.
     pub march: Kernel,
     /// Hits to the points where surfaces are looked at.
     pub surface_point: Kernel,
@@ -27,6 +30,8 @@ pub struct Pipeline {
     pub surface: Kernel,
     /// Hits to rays towards the sun; absent without shadows.
     pub shadow_ray: Option<Kernel>,
+    /// Rays towards the sun to whether they hit; absent without shadows.
+    pub shadow_march: Option<Kernel>,
     /// Everything to linear colours.
     pub colour: Kernel,
     /// Linear colours to sRGB.
@@ -36,16 +41,28 @@ pub struct Pipeline {
 impl Pipeline {
     /// All kernels, with names, in the order in which they run.
     pub fn kernels(&self) -> Vec<(&'static str, &Kernel)> {
-        let mut kernels = vec![
-            ("camera", &self.camera_kernel),
-            ("march", &self.march),
-            ("surface_point", &self.surface_point),
-            ("surface", &self.surface),
-        ];
+        let mut kernels = vec![("camera", &self.camera_kernel)];
+        kernels.extend(self.beams.iter().flat_map(BeamKernels::named));
+        kernels.extend([("march", &self.march), ("surface_point", &self.surface_point), ("surface", &self.surface)]);
         kernels.extend(self.shadow_ray.as_ref().map(|k| ("shadow_ray", k)));
+        kernels.extend(self.shadow_march.as_ref().map(|k| ("shadow_march", k)));
         kernels.extend([("colour", &self.colour), ("encode", &self.encode)]);
         kernels
     }
+
+    /// What else a renderer has to know.
+    pub fn shape(&self) -> Shape {
+        Shape { is_certified: self.plan.is_certified(), tiles: self.beams.as_ref().map(|beams| beams.tiles.clone()) }
+    }
+}
+
+/// What a renderer has to know besides its kernels.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    /// Whether marches are proofs.
+    pub is_certified: bool,
+    /// The tiles of beams, where there are beams.
+    pub tiles: Option<BeamTiles>,
 }
 
 /// Composes the kernels of a fractal's picture.
@@ -61,21 +78,33 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let arena = composer.arena;
     let frame = CameraFrame::new(&camera);
     let pixel_radius = shade::pixel_radius(&camera, settings.size);
-    let march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
+    let mut march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
+    let beams = match settings.plain {
+        true => None,
+        false => BeamKernels::new(composer, &plan, &camera, settings, &march)?,
+    };
+    if settings.plain {
+        march.relaxation = 1.0;
+    }
     let choices: &[Choice] = &plan.choices;
     let estimator = compose_estimator(composer, choices, Purpose::March)?;
     let radius = plan.bounding_radius;
     let sun = shade::sun_direction(look, &frame);
+    let (shadow_march, skipped) = match settings.plain {
+        true => (compose_march(arena, estimator.clone(), &march), 0.0),
+        false => (compose_shadow_march(arena, estimator.clone(), &march), SKIPPED),
+    };
+    let shadow_ray = shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius, skipped);
     Ok(Pipeline {
         camera,
         pixel_radius,
         camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, radius)),
+        beams,
         march: Kernel::March(compose_march(arena, estimator, &march)),
         surface_point: Kernel::Map(shade::compose_surface_point(arena, march.pixel_radius, settings.min_difference)),
         surface: Kernel::Estimate(compose_estimator(composer, choices, Purpose::Surface)?),
-        shadow_ray: look
-            .shadows
-            .then(|| Kernel::Map(shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius))),
+        shadow_ray: look.shadows.then_some(Kernel::Map(shadow_ray)),
+        shadow_march: look.shadows.then_some(Kernel::March(shadow_march)),
         colour: Kernel::Map(shade::compose_colour(arena, look, &frame, radius)),
         encode: Kernel::Map(shade::compose_encode(arena)),
         plan,

@@ -2,10 +2,11 @@
 
 use std::time::{Duration, Instant};
 
+use super::beams::{Beams, Starts};
 use super::stats::column;
-use super::{Pipeline, RenderSettings, Sampling, Stats};
+use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
 use crate::film::srgb_byte;
-use crate::kernel::{Backend, BackendError, Batch, Kernel, Status};
+use crate::kernel::{Backend, BackendError, Batch, Status};
 use crate::shade::Size;
 
 /// How a picture is cut. Nothing of it shows in the picture.
@@ -40,10 +41,12 @@ pub struct Renderer<'b, B: Backend> {
     pub(super) sampling: Sampling,
     pub(super) parallel: bool,
     camera: B::Prepared,
+    beams: Option<Beams<B>>,
     march: B::Prepared,
     surface_point: B::Prepared,
     surface: B::Prepared,
-    shadow_ray: Option<B::Prepared>,
+    /// To shadow rays, and their march.
+    shadow: Option<[B::Prepared; 2]>,
     colour: B::Prepared,
     encode: B::Prepared,
     /// How the picture is cut.
@@ -61,6 +64,8 @@ pub(super) struct Sample {
     pub srgb: [u8; 3],
     /// Whether its ray hit.
     pub hit: bool,
+    /// How far nothing is for any ray through the pixel.
+    pub start: f64,
 }
 
 /// Adds the time of some work.
@@ -79,8 +84,27 @@ impl<'b, B: Backend> Renderer<'b, B> {
         pipeline: &Pipeline,
         settings: &RenderSettings,
     ) -> Result<Self, BackendError> {
+        let kernels = pipeline.kernels();
+        let prepare = |name: &str| {
+            let kernel = kernels.iter().find(|(known, _)| *known == name);
+            kernel.map(|(_, kernel)| backend.prepare(arena, kernel)).transpose()
+        };
+        Renderer::with_kernels(backend, settings, &pipeline.shape(), prepare)
+    }
+
+    /// A renderer of kernels that `prepare` gives by the names of [`Pipeline::kernels`]; `None` where there is none.
+    pub fn with_kernels(
+        backend: &'b B,
+        settings: &RenderSettings,
+        shape: &Shape,
+        mut prepare: impl FnMut(&str) -> Result<Option<B::Prepared>, BackendError>,
+    ) -> Result<Self, BackendError> {
         let start = Instant::now();
-        let prepare = |kernel: &Kernel| backend.prepare(arena, kernel);
+        let shadow = match (prepare("shadow_ray")?, prepare("shadow_march")?) {
+            (Some(ray), Some(march)) => Some([ray, march]),
+            _ => None,
+        };
+        let mut needed = |name: &str| Ok(prepare(name)?.expect("every picture has this kernel"));
         let batch = backend.batch();
         let mut renderer = Renderer {
             backend,
@@ -88,24 +112,26 @@ impl<'b, B: Backend> Renderer<'b, B> {
             samples: sample_offsets(settings.samples.max(1)),
             sampling: settings.sampling,
             parallel: batch.parallel,
-            camera: prepare(&pipeline.camera_kernel)?,
-            march: prepare(&pipeline.march)?,
-            surface_point: prepare(&pipeline.surface_point)?,
-            surface: prepare(&pipeline.surface)?,
-            shadow_ray: pipeline.shadow_ray.as_ref().map(prepare).transpose()?,
-            colour: prepare(&pipeline.colour)?,
-            encode: prepare(&pipeline.encode)?,
+            camera: needed("camera")?,
+            beams: shape.tiles.as_ref().map(|tiles| Beams::new(tiles, &mut needed)).transpose()?,
+            march: needed("march")?,
+            surface_point: needed("surface_point")?,
+            surface: needed("surface")?,
+            shadow,
+            colour: needed("colour")?,
+            encode: needed("encode")?,
             cut: Cut::new(settings.size, batch),
             stats: Stats::default(),
         };
-        renderer.stats.undecided = pipeline.plan.is_certified().then_some(0);
+        renderer.stats.undecided = shape.is_certified.then_some(0);
         renderer.stats.compile = start.elapsed();
         Ok(renderer)
     }
 
     /// Marches the centres of pixels and gives, for each, its depth `t` where it hits.
     pub fn depths(&mut self, pixels: &[(u32, u32)]) -> Result<Vec<Option<f64>>, BackendError> {
-        let rays = self.rays(&points(pixels, &[[0.5; 2]]))?;
+        let starts = self.starts(pixels, &mut Stats::default())?;
+        let rays = self.rays(&points(pixels, &[[0.5; 2]]), &starts)?;
         let hits = self.backend.run(&self.march, &[&rays])?;
         let columns = self.backend.download(&hits)?;
         let status = column("status");
@@ -116,7 +142,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
 
     /// Takes the first sample of each pixel.
     pub(super) fn first_samples(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<Sample>, BackendError> {
-        let (colours, hits) = self.sample(&points(pixels, &self.samples[..1]), stats)?;
+        let starts = self.starts(pixels, stats)?;
+        let (colours, hits) = self.sample(&points(pixels, &self.samples[..1]), &starts, stats)?;
         timed(&mut stats.shade, || {
             let srgb = self.encode(&colours)?;
             // Only sums with other samples need it.
@@ -125,7 +152,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
             let sample = |(i, srgb)| {
                 let hit = Status::from_code(status[i]) == Status::Hit;
                 let linear = linear.as_ref().map_or([0.0; 3], |c| [c[0][i] as f32, c[1][i] as f32, c[2][i] as f32]);
-                Sample { linear, srgb, hit }
+                Sample { linear, srgb, hit, start: starts.get(i).copied().unwrap_or(0.0) }
             };
             Ok(srgb.into_iter().enumerate().map(sample).collect())
         })
@@ -135,46 +162,67 @@ impl<'b, B: Backend> Renderer<'b, B> {
     pub(super) fn other_samples(
         &self,
         pixels: &[(u32, u32)],
-        firsts: &[[f32; 3]],
+        firsts: &[Sample],
         stats: &mut Stats,
     ) -> Result<Vec<[u8; 3]>, BackendError> {
         let others = &self.samples[1..];
-        let (colours, _) = self.sample(&points(pixels, others), stats)?;
+        let starts = firsts.iter().filter(|_| self.beams.is_some());
+        let starts: Vec<f64> = starts.flat_map(|first| std::iter::repeat_n(first.start, others.len())).collect();
+        let (colours, _) = self.sample(&points(pixels, others), &starts, stats)?;
         stats.refined += pixels.len() as u64;
         timed(&mut stats.shade, || {
             let colours = self.backend.download(&colours)?;
             let scale = 1.0 / self.samples.len() as f64;
             let average = |k: usize| {
                 let sums = colours[k].chunks_exact(others.len()).map(|samples| samples.iter().sum::<f64>());
-                sums.zip(firsts).map(|(sum, first)| (f64::from(first[k]) + sum) * scale).collect()
+                sums.zip(firsts).map(|(sum, first)| (f64::from(first.linear[k]) + sum) * scale).collect()
             };
             self.encode(&self.backend.upload(&[average(0), average(1), average(2)])?)
         })
     }
 
-    /// Rays through points of the picture: columns of x and y. What is known of rays before their march, such as how near
-    /// they may start, is found here.
-    fn rays(&self, points: &[Vec<f64>; 2]) -> Result<B::Columns, BackendError> {
-        self.backend.run(&self.camera, &[&self.backend.upload(points)?])
+    /// For each pixel how far nothing is for any ray through it; nothing without beams.
+    fn starts(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<f64>, BackendError> {
+        let Some(beams) = &self.beams else { return Ok(Vec::new()) };
+        let begun = Instant::now();
+        let Starts { depths, beams, estimates } = beams.starts(self.backend, pixels)?;
+        stats.beams += beams;
+        stats.beam_estimates += estimates;
+        stats.march += begun.elapsed();
+        Ok(depths)
+    }
+
+    /// Rays through points of the picture (columns of x and y), from `starts` on where there are beams.
+    fn rays(&self, points: &[Vec<f64>; 2], starts: &[f64]) -> Result<B::Columns, BackendError> {
+        let rays = self.backend.run(&self.camera, &[&self.backend.upload(points)?])?;
+        match &self.beams {
+            Some(beams) => beams.begin(self.backend, &rays, &self.backend.upload(&[starts.to_vec()])?),
+            None => Ok(rays),
+        }
     }
 
     /// Linear colours at points of the picture, and the marches that led to them.
-    fn sample(&self, points: &[Vec<f64>; 2], stats: &mut Stats) -> Result<(B::Columns, Vec<Vec<f64>>), BackendError> {
+    fn sample(
+        &self,
+        points: &[Vec<f64>; 2],
+        starts: &[f64],
+        stats: &mut Stats,
+    ) -> Result<(B::Columns, Vec<Vec<f64>>), BackendError> {
         let backend = self.backend;
-        let rays = timed(&mut stats.shade, || self.rays(points))?;
+        let rays = timed(&mut stats.shade, || self.rays(points, starts))?;
         let hits = timed(&mut stats.march, || backend.run(&self.march, &[&rays]))?;
         let (surface, marched) = timed(&mut stats.shade, || {
             let points = backend.run(&self.surface_point, &[&rays, &hits])?;
             Ok((backend.run(&self.surface, &[&points])?, backend.download(&hits)?))
         })?;
         stats.count(&marched);
-        let Some(shadow_ray) = &self.shadow_ray else {
+        let Some([shadow_ray, shadow_march]) = &self.shadow else {
             let colours = timed(&mut stats.shade, || backend.run(&self.colour, &[&rays, &hits, &surface]))?;
             return Ok((colours, marched));
         };
         let shadow_rays = timed(&mut stats.shade, || backend.run(shadow_ray, &[&rays, &hits, &surface]))?;
         let (shadows, ends) = timed(&mut stats.shadow, || {
-            let shadows = backend.run(&self.march, &[&shadow_rays])?;
+            let shadows = backend.run(shadow_march, &[&shadow_rays])?;
             let ends = backend.download(&shadows)?;
             Ok((shadows, ends))
         })?;

@@ -27,13 +27,17 @@ pub struct Stats {
     pub max_steps: u64,
     /// Iterations of all estimates of primary rays.
     pub iterations: u64,
+    /// Beams: cones of rays that were marched before the rays themselves.
+    pub beams: u64,
+    /// Estimates of beams; `estimates` does not hold them.
+    pub beam_estimates: u64,
     /// Estimates of shadow rays.
     pub shadow_estimates: u64,
     /// Time to compile kernels.
     pub compile: Duration,
     /// Time to render, without compiling.
     pub render: Duration,
-    /// Time in marches of primary rays, summed over threads.
+    /// Time in marches of primary rays and beams, summed over threads.
     pub march: Duration,
     /// Time in marches of shadow rays, summed over threads.
     pub shadow: Duration,
@@ -55,6 +59,8 @@ impl Stats {
         self.estimates += part.estimates;
         self.max_steps = self.max_steps.max(part.max_steps);
         self.iterations += part.iterations;
+        self.beams += part.beams;
+        self.beam_estimates += part.beam_estimates;
         self.shadow_estimates += part.shadow_estimates;
         self.march += part.march;
         self.shadow += part.shadow;

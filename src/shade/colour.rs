@@ -90,7 +90,7 @@ fn occlusion<'g>(arena: &'g Arena, look: &Look, ray: &HitInputs<'g>, trap: Expr<
     if look.occlusion == 0.0 {
         return arena.f(1.0);
     }
-    let by_steps = 1.0 / (ray.steps * ray.steps * (1.0 / 6000.0) + 1.0);
+    let by_steps = 1.0 / (ray.steps * ray.steps * (1.0 / 2400.0) + 1.0);
     let by_trap = 1.0 - (trap.component(0) * -6.0).exp() * 0.6;
     arena.f(1.0).mix(by_steps * by_trap, arena.f(look.occlusion))
 }

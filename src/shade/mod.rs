@@ -61,15 +61,49 @@ pub fn pixel_radius(camera: &Camera, size: Size) -> f64 {
 pub fn compose_camera(arena: &Arena, camera: &Camera, size: Size, bounding_radius: f64) -> Function {
     let mut function = Function::new("camera", vec![Port::new("x", Type::F), Port::new("y", Type::F)]);
     let (x, y) = (arena.input(0, Type::F), arena.input(1, Type::F));
+    let direction = direction_of(arena, camera, size, x, y);
+    let origin = arena.v3(camera.position);
+    let (near, far) = sphere_range(origin, direction, arena.f(bounding_radius));
+    output_ray(&mut function, origin, direction, near, far);
+    function
+}
+
+/// Tiles to beams: a cone around the ray through `x, y` (as [`compose_camera`] takes them) that holds all rays whose unit
+/// directions differ from its own by at most `spread`. It begins at distance `start`. What comes out is a ray whose
+/// parameter is the beam's radius (see [`crate::march::compose_beam_march`]): t times `spread`.
+pub fn compose_beam(arena: &Arena, camera: &Camera, size: Size, bounding_radius: f64) -> Function {
+    let mut function =
+        Function::new("beam", ["x", "y", "spread", "start"].map(|name| Port::new(name, Type::F)).to_vec());
+    let [x, y, spread, start] = [0, 1, 2, 3].map(|i| arena.input(i, Type::F));
+    let direction = direction_of(arena, camera, size, x, y);
+    // The farthest point of the ball is this far away, so this far beside it may be the centre of a beam that touches it.
+    let farthest = glam::DVec3::from(camera.position).length() + bounding_radius;
+    let (near, far) = sphere_range(arena.v3(camera.position), direction, spread * farthest + bounding_radius);
+    let narrow = direction * (1.0 / spread);
+    output_ray(&mut function, arena.v3(camera.position), narrow, near.max(start) * spread, far * spread);
+    function
+}
+
+/// Rays that begin no nearer than at `start`; a ray that ends before has an empty range.
+pub fn compose_begin(arena: &Arena) -> Function {
+    let mut ports = ray_ports();
+    ports.push(Port::new("start", Type::F));
+    let mut function = Function::new("begin", ports);
+    let [origin, direction] = [0, 1].map(|i| arena.input(i, Type::V3));
+    let [near, far, start] = [2, 3, 4].map(|i| arena.input(i, Type::F));
+    let is_over = far.le(start);
+    let (near, far) = (is_over.select(near, near.max(start)), is_over.select(arena.f(-1.0), far));
+    output_ray(&mut function, origin, direction, near, far);
+    function
+}
+
+/// The unit direction through a place of the picture.
+fn direction_of<'g>(arena: &'g Arena, camera: &Camera, size: Size, x: Expr<'g>, y: Expr<'g>) -> Expr<'g> {
     let frame = CameraFrame::new(camera);
     let pixel = 2.0 * pixel_radius(camera, size);
     let right = (x - f64::from(size.width) / 2.0) * pixel;
     let up = (y - f64::from(size.height) / 2.0) * -pixel;
-    let direction = (arena.v3(frame.right) * right + arena.v3(frame.up) * up + arena.v3(frame.forward)).normalize();
-    let origin = arena.v3(camera.position);
-    let (near, far) = sphere_range(origin, direction, bounding_radius);
-    output_ray(&mut function, origin, direction, near, far);
-    function
+    (arena.v3(frame.right) * right + arena.v3(frame.up) * up + arena.v3(frame.forward)).normalize()
 }
 
 fn output_ray(function: &mut Function, origin: Expr, direction: Expr, near: Expr, far: Expr) {
@@ -79,13 +113,13 @@ fn output_ray(function: &mut Function, origin: Expr, direction: Expr, near: Expr
 }
 
 /// Where a ray is inside the bounding sphere; an empty range where it misses it.
-fn sphere_range<'g>(origin: Expr<'g>, direction: Expr<'g>, radius: f64) -> (Expr<'g>, Expr<'g>) {
+fn sphere_range<'g>(origin: Expr<'g>, direction: Expr<'g>, radius: Expr<'g>) -> (Expr<'g>, Expr<'g>) {
     let arena = origin.arena;
     let zero = arena.f(0.0);
     let middle = -origin.dot(direction);
     // The closest point to the centre: exact where origin and radius are both large.
     let closest = origin + direction * middle;
-    let half_sq = closest.dot(closest) * -1.0 + radius * radius;
+    let half_sq = radius * radius - closest.dot(closest);
     let half = half_sq.max(zero).sqrt();
     let near = (middle - half).max(zero);
     let far = half_sq.lt(zero).select(arena.f(-1.0), middle + half);
@@ -110,8 +144,15 @@ pub fn compose_surface_point(arena: &Arena, pixel_radius: f64, min_difference: f
     function
 }
 
-/// Rays towards the sun. Their parameter starts at the hit's own, so that thresholds stay those of the pixel.
-pub fn compose_shadow_ray(arena: &Arena, sun: [f64; 3], pixel_radius: f64, bounding_radius: f64) -> Function {
+/// Rays towards the sun. Their parameter starts at the hit's own, so that thresholds stay those of the pixel, and `skipped` hit
+/// thresholds further on: what is nearer than a footprint or two is part of the surface that the pixel shows.
+pub fn compose_shadow_ray(
+    arena: &Arena,
+    sun: [f64; 3],
+    pixel_radius: f64,
+    bounding_radius: f64,
+    skipped: f64,
+) -> Function {
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
     ports.push(Port::new("gradient", Type::V3));
@@ -123,11 +164,12 @@ pub fn compose_shadow_ray(arena: &Arena, sun: [f64; 3], pixel_radius: f64, bound
     let sun_direction = arena.v3(sun);
     let hit_eps = ray.t * pixel_radius;
     let start = ray.origin + ray.direction * ray.front(hit_eps) + normal * (hit_eps * 2.0);
-    let (_, far) = sphere_range(start, sun_direction, bounding_radius);
+    let (_, far) = sphere_range(start, sun_direction, arena.f(bounding_radius));
     let lit = arena.f(0.0).lt(normal.dot(sun_direction));
     let wanted = ray.is_hit.and(lit).and(arena.f(0.0).lt(far));
     let origin = start - sun_direction * ray.t;
-    output_ray(&mut function, origin, sun_direction, ray.t, wanted.select(ray.t + far, arena.f(-1.0)));
+    let near = ray.t + hit_eps * skipped;
+    output_ray(&mut function, origin, sun_direction, near, wanted.select(ray.t + far, arena.f(-1.0)));
     function
 }
 

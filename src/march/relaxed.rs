@@ -1,0 +1,92 @@
+//! Steps longer than the estimate, for as long as the balls of two estimates in a row touch.
+//!
+//! An estimate holds all around its point, so a stretch between two points is empty when their balls cover it: nobody has
+//! to stop where the first ball ends. How far the next ball will reach is read off how the estimate changed since the last
+//! point. Where the balls do not touch after all, or the new point is inside, the march goes back to where they would have
+//! by what is known now, or to where the first ball ends. Steps of a constant multiple are due to Keinert and others
+//! ("Enhanced Sphere Tracing", 2014), the slope to Ban and Valasek ("Automatic Step Size Relaxation in Sphere Tracing", 2023).
+
+use super::{Inputs, MarchSettings};
+use crate::compose::Plan;
+use crate::expr::Expr;
+use crate::graph::Method;
+
+/// Balls that a step is long at most; longer ones go back more often than they gain.
+const MOST: f64 = 2.0;
+/// Share taken of the length at which balls touch if the estimate goes on as it did.
+const CAUTION: f64 = 0.9;
+/// Step multiplier up to which estimates are trusted on both sides of their point. Where it is 1 estimates reach a little
+/// beyond the surface of what is drawn, which a march that comes near in front of it does not notice.
+const TRUSTED: f64 = 0.6;
+/// Share of a step that was too long that the next try may be as long as.
+const SHORTER: f64 = 0.9;
+/// Share of a step of the walk by which rounding may make a step longer than it was meant.
+const SLACK: f64 = 1.0 / 16.0;
+
+/// [`MarchSettings::relaxation`] of a plan: 1 where estimates hold along their ray alone, or are proofs.
+pub(super) fn of_plan(plan: &Plan) -> f64 {
+    let along_ray = |m: Method| matches!(m, Method::Directional | Method::DeltaRay) || m.is_certified();
+    if plan.choices.iter().any(|choice| along_ray(choice.method)) { 1.0 } else { MOST }
+}
+
+/// Where to go instead of `forward`, the end of the ball of an estimate `de`; `walk` is the shortest step.
+pub(super) fn farther<'g>(
+    ray: &Inputs<'g>,
+    settings: &MarchSettings,
+    walk: Expr<'g>,
+    de: Expr<'g>,
+    forward: Expr<'g>,
+) -> Expr<'g> {
+    if settings.relaxation <= 1.0 {
+        return forward;
+    }
+    let zero = ray.t.lift(0.0);
+    let ball = de * settings.fudge;
+    let gap = (ray.t - ray.t_outside).max(walk * SLACK);
+    // Without an estimate before it the slope is that of the way straight to a wall.
+    let is_known = zero.le(ray.t_outside).and(zero.lt(ray.last_de));
+    let slope = is_known.select((de - ray.last_de) * settings.fudge / gap, ray.t.lift(-1.0));
+    let wanted = ray.t + ball * touching(settings, slope);
+    walk.lt(ball).select(wanted.max(forward), forward)
+}
+
+/// What part of the ball in front of a point is trusted behind it, too: all where the step multiplier is [`TRUSTED`] or less.
+fn behind(settings: &MarchSettings) -> f64 {
+    (TRUSTED / settings.fudge).min(1.0)
+}
+
+/// The length of a step whose balls touch if their radius goes on to change by this slope, in balls of its start.
+fn touching<'g>(settings: &MarchSettings, slope: Expr<'g>) -> Expr<'g> {
+    let behind = behind(settings);
+    let length = (1.0 + behind) * CAUTION;
+    (slope.lift(length) / (1.0 - slope * behind).max(slope.lift(length / settings.relaxation))).max(slope.lift(1.0))
+}
+
+/// The state `next`, or the way back where the step to here was too long: `t, t_front, t_outside, t_inside, last_de, status`.
+pub(super) fn or_back<'g>(
+    ray: &Inputs<'g>,
+    settings: &MarchSettings,
+    walk: Expr<'g>,
+    de: Expr<'g>,
+    inside: Expr<'g>,
+    next: [Expr<'g>; 6],
+) -> [Expr<'g>; 6] {
+    if settings.relaxation <= 1.0 {
+        return next;
+    }
+    let zero = ray.t.lift(0.0);
+    let (ball, last_ball) = (de * settings.fudge, ray.last_de * settings.fudge);
+    let gap = ray.t - ray.t_outside;
+    let plain = last_ball.max(walk);
+    let is_march = zero.le(ray.t_outside).and(ray.t_inside.lt(zero));
+    let was_longer = is_march.and((plain + walk * SLACK).lt(gap));
+    let is_apart = inside.or((last_ball + ball * behind(settings)).lt(gap));
+    let touch = last_ball * touching(settings, (ball - last_ball) / gap);
+    let t = ray.t_outside + inside.select(plain, touch.min(gap * SHORTER).max(plain));
+    // Back means back, whatever is lost to rounding.
+    let back = was_longer.and(is_apart).and(t.lt(ray.t));
+    let here = [t, ray.t_front, ray.t_outside, ray.t_inside, ray.last_de, ray.status];
+    let mut state = next;
+    state.iter_mut().zip(here).for_each(|(next, here)| *next = back.select(here, *next));
+    state
+}

@@ -1,0 +1,36 @@
+//! The march of rays towards the sun, of which nobody asks but whether they hit.
+//!
+//! It does not bisect, its walk is as coarse as the default even where primary rays need a finer one, and it ends where the set is near enough to hide a good part of the sun's disc, which a point at
+//! distance s from the ray's start is where it is nearer to the ray than the disc's radius there.
+
+use super::{Inputs, MarchSettings, compose_march, ports, stop_at_crossing};
+use crate::expr::{Arena, Type};
+use crate::graph::LEAST_STEP;
+use crate::kernel::{Estimator, March, Status};
+
+/// Radius of the sun's disc at distance 1.
+const SUN_RADIUS: f64 = 0.0047;
+
+/// Balls that a step is long at most: these rays leave a surface, and estimates grow along them.
+const MOST: f64 = 3.0;
+/// Hit thresholds in front of its start that such a ray has no need to look at.
+pub const SKIPPED: f64 = 2.0;
+
+/// The march of shadow rays. The status says whether they hit; of the other columns only the counts mean anything.
+pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &MarchSettings) -> March {
+    // Where proofs are short, nothing needs be near, and longer steps of the walk pass what ends it.
+    if settings.certified {
+        return stop_at_crossing(arena, &compose_march(arena, estimator, settings));
+    }
+    let relaxation = if settings.relaxation > 1.0 { MOST } else { 1.0 };
+    let coarse = MarchSettings { least_step: settings.least_step.max(LEAST_STEP), relaxation, ..*settings };
+    let mut march = stop_at_crossing(arena, &compose_march(arena, estimator, &coarse));
+    let ray = Inputs::new(arena);
+    let de = arena.input(ports().len() as u16, Type::F);
+    let hidden = arena.f(0.0).le(de).and((de * settings.fudge).lt((ray.t - ray.t_near) * SUN_RADIUS));
+    let status =
+        march.advance.outputs.iter().position(|(port, _)| port.name == "status").expect("a march has a status");
+    let other = arena.expr(march.advance.outputs[status].1);
+    march.advance.outputs[status].1 = hidden.select(arena.f(Status::Hit.code()), other).id;
+    march
+}
