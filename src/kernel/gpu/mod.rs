@@ -7,6 +7,7 @@
 //! then be prepared and columns be uploaded again.
 
 mod adapter;
+mod pipelines;
 mod program;
 mod slices;
 #[cfg(test)]
@@ -18,7 +19,7 @@ use std::time::Duration;
 pub use adapter::{AdapterInfoLine, AdapterWanted, adapters};
 pub use program::GpuKernel;
 
-use super::{Backend, BackendError, Kernel};
+use super::{Backend, BackendError, Compiling, Kernel};
 use crate::expr::Arena;
 
 /// A graphics device that runs kernels.
@@ -28,6 +29,7 @@ pub struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
     trouble: Trouble,
+    cache: pipelines::Cache,
 }
 
 /// Columns of equal length in device memory.
@@ -79,7 +81,7 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| stored.set(backend_error(&error))));
         let stored = trouble.clone();
         device.set_device_lost_callback(move |_, text| stored.set(BackendError::DeviceLost(text)));
-        Ok(Gpu { wanted, adapter: line, device, queue, trouble })
+        Ok(Gpu { wanted, adapter: line, device, queue, trouble, cache: pipelines::Cache::default() })
     }
 
     /// Replaces a lost device by a new one. What was prepared or uploaded before is of no use any more.
@@ -180,7 +182,15 @@ impl Backend for Gpu {
     type Columns = GpuColumns;
 
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<GpuKernel, BackendError> {
-        self.scoped(|| GpuKernel::new(&self.device, arena, kernel))
+        self.scoped(|| self.with_uniforms(&self.cache.get(&self.device, arena, kernel)?, &[]))
+    }
+
+    fn bind(&self, kernel: &GpuKernel, uniforms: &[f64]) -> Result<GpuKernel, BackendError> {
+        self.scoped(|| self.with_uniforms(&kernel.pipelines, uniforms))
+    }
+
+    fn compiling(&self) -> Option<Compiling> {
+        Some(self.cache.compiling())
     }
 
     fn upload(&self, columns: &[Vec<f64>]) -> Result<GpuColumns, BackendError> {

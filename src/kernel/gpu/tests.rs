@@ -279,15 +279,15 @@ fn measure() {
             let start = Instant::now();
             let text = crate::kernel::wgsl::write(&arena, kernel);
             let written = start.elapsed();
-            match gpu.prepare(&arena, kernel) {
-                Ok(p) => println!(
-                    "{name} {kernel_name}: {} bytes, write {written:?}, naga {:?}, all {:?}",
-                    text.len(),
-                    p.validate_time,
-                    p.compile_time
-                ),
-                Err(error) => panic!("{error}"),
-            }
+            let before = gpu.cache.compiling();
+            gpu.prepare(&arena, kernel).unwrap_or_else(|error| panic!("{error}"));
+            let after = gpu.cache.compiling();
+            println!(
+                "{name} {kernel_name}: {} bytes, write {written:?}, own work {:?}, driver {:?}",
+                text.len(),
+                after.own - before.own,
+                after.driver - before.driver
+            );
         }
         let measured = measure_render(&gpu, &arena, &pipeline, &settings);
         println!("{name} gpu: {measured}");

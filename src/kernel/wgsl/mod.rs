@@ -32,6 +32,8 @@ use crate::graph::Schedule;
 
 /// Invocations in a workgroup.
 pub const WORKGROUP: u32 = 64;
+/// Binding of a kernel's uniforms.
+pub const UNIFORMS: u32 = 5;
 
 /// The module of a kernel. Its entry point is [`entry_points`]' last; columns are bound as `shaders/prelude.wgsl` says.
 pub fn write(arena: &Arena, kernel: &Kernel) -> String {
@@ -43,6 +45,7 @@ pub fn write(arena: &Arena, kernel: &Kernel) -> String {
     }
     let mut text = include_str!("../../../shaders/prelude.wgsl").to_string();
     text.push('\n');
+    write_uniforms(&mut text, kernel.uniforms(arena));
     write_helpers(&mut text, &writer.helpers);
     text.push_str(&writer.body);
     text
@@ -86,6 +89,15 @@ fn fill(template: &str, slots: &[(&str, String)]) -> String {
     }
     text.push_str(rest);
     text
+}
+
+/// Writes the list of the kernel's uniforms, where it has any.
+fn write_uniforms(text: &mut String, count: usize) {
+    if count > 0 {
+        let ports: Vec<Port> = (0..count).map(|number| Port::new(format!("u{number}"), Type::F)).collect();
+        write_struct(text, "Uniforms", &ports);
+        let _ = writeln!(text, "@group(0) @binding({UNIFORMS}) var<uniform> uniforms: Uniforms;\n");
+    }
 }
 
 /// Writes the helpers that are used, and those that they use.

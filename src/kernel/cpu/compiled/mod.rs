@@ -24,6 +24,7 @@ use crate::kernel::cpu::march::{COLUMNS, RAY, STATUS, STEPS, start_of};
 pub(super) struct Vector<T, const LANES: usize>([T; LANES]);
 
 /// A kernel as machine code.
+#[derive(Clone)]
 pub(super) struct Compiled {
     precision: Precision,
     code: MachineCode,
@@ -38,6 +39,13 @@ pub(super) struct Compiled {
 }
 
 impl Compiled {
+    /// The same code with these values of its uniforms.
+    pub(super) fn bind(&self, uniforms: &[f64]) -> Compiled {
+        let mut bound = self.clone();
+        bound.code.bind(uniforms, self.precision);
+        bound
+    }
+
     /// Runs the kernel on columns. `T` and `LANES` must be those that it was compiled for.
     pub(super) fn run<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [Vec<T>]) {
         assert_eq!(T::PRECISION, self.precision);
