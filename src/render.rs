@@ -7,7 +7,7 @@ use crate::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator}
 use crate::diag::Diagnostic;
 use crate::film::{Image, tiles};
 use crate::graph::{Camera, EstimateSettings, Look};
-use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use crate::kernel::{Backend, BackendError, Compiling, Kernel, Status, march_output_ports};
 use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64, MarchSettings, compose_march, is_undecided};
 use crate::shade::{self, CameraFrame, Size};
 
@@ -152,6 +152,8 @@ pub struct Stats {
     pub shadow_estimates: u64,
     /// Time to compile kernels.
     pub compile: Duration,
+    /// What the back end has compiled by then, where it keeps account.
+    pub compiling: Option<Compiling>,
     /// Time to render, without compiling.
     pub render: Duration,
 }
@@ -180,23 +182,39 @@ impl<'b, B: Backend> Renderer<'b, B> {
         pipeline: &Pipeline,
         settings: &RenderSettings,
     ) -> Result<Self, BackendError> {
+        let kernels = pipeline.kernels();
+        let prepare = |name: &str| {
+            let kernel = kernels.iter().find(|(known, _)| *known == name);
+            kernel.map(|(_, kernel)| backend.prepare(arena, kernel)).transpose()
+        };
+        Renderer::with_kernels(backend, settings, pipeline.plan.is_certified(), prepare)
+    }
+
+    /// A renderer of kernels that `prepare` gives by the names of [`Pipeline::kernels`]; `None` where there is none.
+    pub fn with_kernels(
+        backend: &'b B,
+        settings: &RenderSettings,
+        is_certified: bool,
+        mut prepare: impl FnMut(&str) -> Result<Option<B::Prepared>, BackendError>,
+    ) -> Result<Self, BackendError> {
         let start = Instant::now();
-        let prepare = |kernel: &Kernel| backend.prepare(arena, kernel);
+        let mut needed = |name: &str| Ok(prepare(name)?.expect("every picture has this kernel"));
         let mut renderer = Renderer {
             backend,
             size: settings.size,
             samples: settings.samples.max(1),
-            camera: prepare(&pipeline.camera_kernel)?,
-            march: prepare(&pipeline.march)?,
-            surface_point: prepare(&pipeline.surface_point)?,
-            surface: prepare(&pipeline.surface)?,
-            shadow_ray: pipeline.shadow_ray.as_ref().map(prepare).transpose()?,
-            colour: prepare(&pipeline.colour)?,
-            encode: prepare(&pipeline.encode)?,
+            camera: needed("camera")?,
+            march: needed("march")?,
+            surface_point: needed("surface_point")?,
+            surface: needed("surface")?,
+            colour: needed("colour")?,
+            encode: needed("encode")?,
+            shadow_ray: prepare("shadow_ray")?,
             stats: Stats::default(),
         };
-        renderer.stats.undecided = pipeline.plan.is_certified().then_some(0);
+        renderer.stats.undecided = is_certified.then_some(0);
         renderer.stats.compile = start.elapsed();
+        renderer.stats.compiling = backend.compiling();
         Ok(renderer)
     }
 

@@ -1,9 +1,11 @@
 //! What a render chose and counted, as a table for people and as JSON for programs.
 
 use std::fmt::Write as _;
+use std::time::Duration;
 
 use bulbfold::calibrate::Calibration;
 use bulbfold::compose::{Choice, Plan};
+use bulbfold::kernel::Compiling;
 use bulbfold::render::{Pipeline, RenderSettings, Stats};
 use serde_json::{Value, json};
 
@@ -24,6 +26,8 @@ pub struct Report<'a> {
     pub pipeline: &'a Pipeline,
     /// How the estimate was chosen.
     pub calibration: &'a Calibration,
+    /// Time that composing the kernels took.
+    pub composing: Duration,
     /// What was counted.
     pub stats: &'a Stats,
 }
@@ -72,7 +76,12 @@ impl Report<'_> {
                 "primary": stats.estimates as f64 / self.pixels(),
                 "shadow": stats.shadow_estimates as f64 / self.pixels(),
             },
+            "compose_seconds": self.composing.as_secs_f64(),
             "compile_seconds": stats.compile.as_secs_f64(),
+            "compiling": stats.compiling.map(|c| json!({
+                "kernels": c.kernels, "compiled": c.compiled,
+                "own_seconds": c.own.as_secs_f64(), "driver_seconds": c.driver.as_secs_f64(),
+            })),
             "render_seconds": stats.render.as_secs_f64(),
             "calibration": calibration::json(self.calibration),
             "warnings": plan.warnings,
@@ -109,11 +118,22 @@ impl Report<'_> {
             "estimates per pixel",
             format!("{primary:.1} primary, {:.1} shadow", stats.shadow_estimates as f64 / self.pixels()),
         );
+        row("compose time", format!("{:.3} s", self.composing.as_secs_f64()));
         row("compile time", format!("{:.3} s", stats.compile.as_secs_f64()));
+        if let Some(done) = &stats.compiling {
+            row("compiling", compiling(done));
+        }
         row("render time", format!("{:.3} s", stats.render.as_secs_f64()));
         text.push_str(&calibration::table(self.calibration));
         text
     }
+}
+
+/// What a back end has compiled, and whose time that took.
+pub fn compiling(done: &Compiling) -> String {
+    let [own, driver] = [done.own, done.driver].map(|time| time.as_secs_f64());
+    let Compiling { kernels, compiled, .. } = done;
+    format!("{compiled} of {kernels} kernels, the others known; own work {own:.3} s, driver {driver:.3} s")
 }
 
 /// What was chosen for each orbit: a name and the choice with its reason.

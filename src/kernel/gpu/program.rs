@@ -97,11 +97,7 @@ impl Gpu {
     }
 
     /// Compiled pipelines with values of their uniforms; those that the list lacks are 0.
-    pub(super) fn with_uniforms(
-        &self,
-        pipelines: &Arc<Pipelines>,
-        values: &[f64],
-    ) -> Result<GpuKernel, BackendError> {
+    pub(super) fn with_uniforms(&self, pipelines: &Arc<Pipelines>, values: &[f64]) -> Result<GpuKernel, BackendError> {
         // The uniforms of a buffer are whole vectors to some drivers.
         let padded = pipelines.uniforms.next_multiple_of(4);
         let bytes = (padded * size_of::<f32>()) as u64;
