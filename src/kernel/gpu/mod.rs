@@ -30,6 +30,23 @@ pub struct Gpu {
     queue: wgpu::Queue,
     trouble: Trouble,
     cache: pipelines::Cache,
+    dispatches: Mutex<Dispatches>,
+}
+
+/// What a device was given to do, as far as it was waited for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Dispatches {
+    /// Dispatches that were measured.
+    pub count: u64,
+    /// The longest of them.
+    pub longest: Duration,
+}
+
+impl Dispatches {
+    fn add(&mut self, took: Duration) {
+        self.count += 1;
+        self.longest = self.longest.max(took);
+    }
 }
 
 /// Columns of equal length in device memory.
@@ -81,13 +98,26 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| stored.set(backend_error(&error))));
         let stored = trouble.clone();
         device.set_device_lost_callback(move |_, text| stored.set(BackendError::DeviceLost(text)));
-        Ok(Gpu { wanted, adapter: line, device, queue, trouble, cache: pipelines::Cache::default() })
+        Ok(Gpu {
+            wanted,
+            adapter: line,
+            device,
+            queue,
+            trouble,
+            cache: pipelines::Cache::default(),
+            dispatches: Mutex::default(),
+        })
     }
 
     /// Replaces a lost device by a new one. What was prepared or uploaded before is of no use any more.
     pub fn rebuild(&mut self) -> Result<(), BackendError> {
         *self = Gpu::new(self.wanted)?;
         Ok(())
+    }
+
+    /// Dispatches so far.
+    pub fn dispatches(&self) -> Dispatches {
+        *self.dispatches.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The adapter in use.

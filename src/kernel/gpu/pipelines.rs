@@ -22,9 +22,13 @@ pub(super) struct Pipelines {
 
 /// How a kernel runs, and with what.
 pub(super) enum Kind {
-    Map(wgpu::ComputePipeline),
-    Estimates(wgpu::ComputePipeline),
-    March { start: wgpu::ComputePipeline, march: wgpu::ComputePipeline, max_march_steps: u32 },
+    /// One value for each element, whatever the others.
+    Straight(wgpu::ComputePipeline),
+    March {
+        start: wgpu::ComputePipeline,
+        march: wgpu::ComputePipeline,
+        max_march_steps: u32,
+    },
 }
 
 /// Pipelines by what they depend on: their WGSL (which holds no limit of march steps) and that limit.
@@ -107,8 +111,7 @@ impl Pipelines {
         };
         let entries = wgsl::entry_points(kernel);
         let kind = match kernel {
-            Kernel::Map(_) => Kind::Map(pipeline(entries[0])),
-            Kernel::Estimate(_) => Kind::Estimates(pipeline(entries[0])),
+            Kernel::Map(_) | Kernel::Estimate(_) => Kind::Straight(pipeline(entries[0])),
             Kernel::March(march) => Kind::March {
                 start: pipeline(entries[0]),
                 march: pipeline(entries[1]),

@@ -1,6 +1,6 @@
-//! How kernels run: in one dispatch (maps), in parts (estimates), or in slices (marches).
+//! How kernels run: straight-line ones in parts, marches in slices.
 
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::pipelines::{Kind, Pipelines};
@@ -55,13 +55,7 @@ impl Gpu {
             }
         };
         match &kernel.pipelines.kind {
-            Kind::Map(pipeline) => {
-                let call = self.call_buffer();
-                let group = self.bind(kernel, &[&call, &input.buffer, &outputs.buffer]);
-                let encoder = self.dispatch(pipeline, &group, &call, len, 0..len as u32, 0);
-                self.queue.submit([encoder.finish()]);
-            }
-            Kind::Estimates(pipeline) => self.run_estimates(kernel, pipeline, input, &outputs)?,
+            Kind::Straight(pipeline) => self.run_parts(kernel, pipeline, input, &outputs)?,
             Kind::March { start, march, max_march_steps } => {
                 self.run_march(kernel, [start, march], *max_march_steps, input, &outputs)?;
             }
@@ -155,8 +149,8 @@ impl Gpu {
         encoder
     }
 
-    /// Estimates in parts, each waited for and measured.
-    fn run_estimates(
+    /// Elements in parts, each waited for and measured; all at once, and unmeasured, where that is short for certain.
+    fn run_parts(
         &self,
         kernel: &GpuKernel,
         pipeline: &wgpu::ComputePipeline,
@@ -165,18 +159,31 @@ impl Gpu {
     ) -> Result<(), BackendError> {
         let call = self.call_buffer();
         let group = self.bind(kernel, &[&call, &input.buffer, &outputs.buffer]);
-        self.wait()?;
+        let slices = &kernel.pipelines.slices;
         let (mut first, len) = (0, input.len as u32);
+        if len <= slices.elements(1) / 2 {
+            let encoder = self.dispatch(pipeline, &group, &call, input.len, 0..len, 0);
+            self.queue.submit([encoder.finish()]);
+            return Ok(());
+        }
+        self.wait()?;
         while first < len {
-            let end = len.min(first.saturating_add(kernel.pipelines.slices.elements()));
+            let end = len.min(first.saturating_add(slices.elements(1)));
             let start = Instant::now();
             let encoder = self.dispatch(pipeline, &group, &call, input.len, first..end, 0);
             self.queue.submit([encoder.finish()]);
             self.wait()?;
-            kernel.pipelines.slices.learn_elements(end - first, start.elapsed());
+            slices.learn(end - first, self.took(start));
             first = end;
         }
         Ok(())
+    }
+
+    /// Time since a dispatch was begun that has just ended.
+    fn took(&self, start: Instant) -> Duration {
+        let took = start.elapsed();
+        self.dispatches.lock().unwrap_or_else(PoisonError::into_inner).add(took);
+        took
     }
 
     /// Marches in slices until no ray runs or steps have run out. Twin: `run_march` in `kernel/cpu.rs`.
@@ -192,16 +199,13 @@ impl Gpu {
         let (n, mut read) = (input.len, 1);
         let encoder = self.dispatch(start, &buffers.groups[read], &buffers.call, n, 0..n as u32, 0);
         read = 1 - read;
-        let mut running = self.read_back(encoder, &buffers.lists[read], 4, read_count)?;
+        let [mut running, _] = self.read_back(encoder, &buffers.lists[read], 8, read_counts)?;
         let (mut done, mut slice) = (0, kernel.pipelines.slices.first());
         while running > 0 && done < max_march_steps {
-            slice = slice.clamp(1, max_march_steps - done);
+            slice = kernel.pipelines.slices.steps(running, slice.clamp(1, max_march_steps - done));
             let (still_running, longest) = self.run_slice(kernel, march, &buffers, read, (n, running, slice))?;
             if done == 0 {
                 kernel.pipelines.slices.learn_first(slice, longest);
-            }
-            if slice == 1 {
-                kernel.pipelines.slices.learn_elements(running, longest);
             }
             done += slice;
             slice = adapt(slice, longest);
@@ -217,7 +221,7 @@ impl Gpu {
         input: &GpuColumns,
         outputs: &GpuColumns,
     ) -> Result<MarchBuffers, BackendError> {
-        let bytes = ((input.len + 1) * size_of::<u32>()) as u64;
+        let bytes = ((input.len + 2) * size_of::<u32>()) as u64;
         let lists = [self.storage(bytes)?, self.storage(bytes)?];
         let call = self.call_buffer();
         let groups = [0, 1]
@@ -236,20 +240,23 @@ impl Gpu {
         (n, running, slice): (usize, u32, u32),
     ) -> Result<(u32, Duration), BackendError> {
         let written = &buffers.lists[1 - read];
-        self.queue.write_buffer(written, 0, &0u32.to_le_bytes());
-        let (mut first, mut still_running, mut longest) = (0, 0, Duration::ZERO);
+        self.queue.write_buffer(written, 0, &[0; 8]);
+        let slices = &kernel.pipelines.slices;
+        let (mut first, mut still_running, mut worked, mut longest) = (0, 0, 0, Duration::ZERO);
         while first < running {
-            let end = running.min(first.saturating_add(kernel.pipelines.slices.elements()));
+            let end = running.min(first.saturating_add(slices.elements(slice)));
             let start = Instant::now();
             let encoder = self.dispatch(march, &buffers.groups[read], &buffers.call, n, first..end, slice);
-            still_running = self.read_back(encoder, written, 4, read_count)?;
-            longest = longest.max(start.elapsed());
-            first = end;
+            let [count, work] = self.read_back(encoder, written, 8, read_counts)?;
+            let took = self.took(start);
+            slices.learn(work.wrapping_sub(worked), took);
+            (first, still_running, worked, longest) = (end, count, work, longest.max(took));
         }
         Ok((still_running, longest))
     }
 }
 
-fn read_count(bytes: &[u8]) -> u32 {
-    bytes.first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes))
+/// How many rays still run, and the estimates made.
+fn read_counts(bytes: &[u8]) -> [u32; 2] {
+    bytes.first_chunk::<8>().map_or([0; 2], |bytes| bytemuck::cast(*bytes))
 }
