@@ -3,7 +3,7 @@
 
 struct Running {
     count: atomic<u32>,
-    /// Estimates made.
+    /// Estimates made by one invocation of $SAMPLED.
     work: atomic<u32>,
     rays: array<u32>,
 }
@@ -65,7 +65,9 @@ fn march(@builtin(global_invocation_id) id: vec3<u32>) {
     store($STEPSu, i, read_state($STEPSu, i) + f32(steps));
     store($STEPSu + 1u, i, read_state($STEPSu + 1u, i) + iterations);
     store($STEPSu + 2u, i, read_state($STEPSu + 2u, i) + f32(nans));
-    atomicAdd(&running.work, steps);
+    if k % $SAMPLEDu == 0u {
+        atomicAdd(&running.work, steps);
+    }
     if state.status == 0.0 {
         keep_running(i);
     }

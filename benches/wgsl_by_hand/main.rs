@@ -64,6 +64,7 @@ fn compare(name: &str, rounds: usize, gpu: &Gpu, generated: &GpuKernel, rays: &G
         ours = gpu.download(&hits).expect("hits download");
         theirs = by_hand.hits();
     }
+    let dispatches = gpu.dispatches();
     // The first round learns how much a dispatch may hold.
     times.iter_mut().for_each(|times| {
         times.remove(0);
@@ -73,6 +74,12 @@ fn compare(name: &str, rounds: usize, gpu: &Gpu, generated: &GpuKernel, rays: &G
     println!(
         "{name:<12} generated {:.1} ms (median {:.1}), by hand {:.1} ms (median {:.1})",
         least[0], median[0], least[1], median[1]
+    );
+    println!(
+        "{:<12} {} dispatches so far, the longest {:.1} ms",
+        "",
+        dispatches.count,
+        dispatches.longest.as_secs_f64() * 1e3
     );
     println!("{:<12} generated / by hand: {:.3} (of medians {:.3})", "", least[0] / least[1], median[0] / median[1]);
     let rays = ours[0].len();

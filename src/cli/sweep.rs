@@ -57,7 +57,7 @@ pub fn run(
     let asked = arguments.prepare()?;
     let is_wanted = |frame: &u32| !(sweep.resume && names.path(*frame).exists());
     let todo: Vec<u32> = (0..frames).filter(is_wanted).collect();
-    let start = Instant::now();
+    let (start, mut composing) = (Instant::now(), Duration::ZERO);
     let graphs = graphs(session, arguments, sweep, frames)?;
     let (settings, precision) = settle(session, arguments, &graphs, asked)?;
     let estimates = estimates(session, arguments, &graphs, &settings, precision)?;
@@ -73,10 +73,11 @@ pub fn run(
                 choose_estimate(session, graph, &arena, &arguments.wish(graph, &settings, precision))?.plan
             }
         };
+        let begun = Instant::now();
         gathered.add(&arena, &compose_planned(&composer, &settings, plan).map_err(failed)?);
+        composing += begun.elapsed();
     }
     let joined = gathered.finish();
-    let composing = start.elapsed();
     let mut job = SweepJob {
         frames: &joined,
         settings: &settings,

@@ -4,10 +4,10 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::pipelines::{Kind, Pipelines};
-use super::slices::adapt;
+use super::slices::Slice;
 use super::{Gpu, GpuColumns};
 use crate::kernel::BackendError;
-use crate::kernel::wgsl::{UNIFORMS, WORKGROUP};
+use crate::kernel::wgsl::{SAMPLED, UNIFORMS, WORKGROUP};
 
 /// A kernel with values of its uniforms.
 #[derive(Clone)]
@@ -161,14 +161,14 @@ impl Gpu {
         let group = self.bind(kernel, &[&call, &input.buffer, &outputs.buffer]);
         let slices = &kernel.pipelines.slices;
         let (mut first, len) = (0, input.len as u32);
-        if len <= slices.elements(1) / 2 {
+        if len <= slices.elements() / 2 {
             let encoder = self.dispatch(pipeline, &group, &call, input.len, 0..len, 0);
             self.queue.submit([encoder.finish()]);
             return Ok(());
         }
         self.wait()?;
         while first < len {
-            let end = len.min(first.saturating_add(slices.elements(1)));
+            let end = len.min(first.saturating_add(slices.elements()));
             let start = Instant::now();
             let encoder = self.dispatch(pipeline, &group, &call, input.len, first..end, 0);
             self.queue.submit([encoder.finish()]);
@@ -200,16 +200,13 @@ impl Gpu {
         let encoder = self.dispatch(start, &buffers.groups[read], &buffers.call, n, 0..n as u32, 0);
         read = 1 - read;
         let [mut running, _] = self.read_back(encoder, &buffers.lists[read], 8, read_counts)?;
-        let (mut done, mut slice) = (0, kernel.pipelines.slices.first());
+        let (mut done, mut step) = (0, Duration::ZERO);
         while running > 0 && done < max_march_steps {
-            slice = kernel.pipelines.slices.steps(running, slice.clamp(1, max_march_steps - done));
-            let (still_running, longest) = self.run_slice(kernel, march, &buffers, read, (n, running, slice))?;
-            if done == 0 {
-                kernel.pipelines.slices.learn_first(slice, longest);
-            }
-            done += slice;
-            slice = adapt(slice, longest);
-            running = still_running;
+            let slice = kernel.pipelines.slices.slice(running, max_march_steps - done, step);
+            let longest;
+            (running, longest) = self.run_slice(kernel, march, &buffers, read, (n, running, slice))?;
+            step = longest / slice.steps;
+            done += slice.steps;
             read = 1 - read;
         }
         Ok(())
@@ -237,26 +234,26 @@ impl Gpu {
         march: &wgpu::ComputePipeline,
         buffers: &MarchBuffers,
         read: usize,
-        (n, running, slice): (usize, u32, u32),
+        (n, running, slice): (usize, u32, Slice),
     ) -> Result<(u32, Duration), BackendError> {
         let written = &buffers.lists[1 - read];
         self.queue.write_buffer(written, 0, &[0; 8]);
         let slices = &kernel.pipelines.slices;
         let (mut first, mut still_running, mut worked, mut longest) = (0, 0, 0, Duration::ZERO);
         while first < running {
-            let end = running.min(first.saturating_add(slices.elements(slice)));
+            let end = running.min(first.saturating_add(slice.rays));
             let start = Instant::now();
-            let encoder = self.dispatch(march, &buffers.groups[read], &buffers.call, n, first..end, slice);
+            let encoder = self.dispatch(march, &buffers.groups[read], &buffers.call, n, first..end, slice.steps);
             let [count, work] = self.read_back(encoder, written, 8, read_counts)?;
             let took = self.took(start);
-            slices.learn(work.wrapping_sub(worked), took);
+            slices.learn(work.wrapping_sub(worked).saturating_mul(SAMPLED), took);
             (first, still_running, worked, longest) = (end, count, work, longest.max(took));
         }
         Ok((still_running, longest))
     }
 }
 
-/// How many rays still run, and the estimates made.
+/// How many rays still run, and the estimates that were counted.
 fn read_counts(bytes: &[u8]) -> [u32; 2] {
     bytes.first_chunk::<8>().map_or([0; 2], |bytes| bytemuck::cast(*bytes))
 }

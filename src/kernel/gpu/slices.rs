@@ -2,19 +2,19 @@
 //! hang, a picture on a slow device appears in parts, and a fast device is not kept waiting.
 //!
 //! Work is counted in estimates: an element's, or one step of a ray. A kernel's first dispatch is as small as any; each may be
-//! [`GROWTH`] times as large as the largest so far, as long as the worst price that was measured leaves it within
-//! [`TARGET`].
+//! [`GROWTH`] times as large as the largest so far, as long as the price that was measured leaves it within [`TARGET`].
+//! Most rays of a slice end before its last step. So a slice may hold [`MARGIN`] times as many steps as would fit if none
+//! did, and then still ends before [`TOO_LONG`].
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Time that a dispatch should take: short enough for one whose work turns out eight times as dear to end before
-/// [`TOO_LONG`].
+/// Time that a dispatch should take.
 const TARGET: Duration = Duration::from_millis(12);
 /// No dispatch should take more.
 const TOO_LONG: Duration = Duration::from_millis(100);
-/// A slice that takes more than this gets fewer steps next time; one that takes less than the target gets more.
-const LONG: Duration = Duration::from_millis(25);
+/// How much longer than expected a dispatch may take and still end in time.
+const MARGIN: f64 = 8.0;
 /// Least work of a dispatch, and of the first: a few workgroups.
 const FEWEST: u32 = 256;
 /// Most work of a dispatch.
@@ -23,9 +23,11 @@ const MOST: f64 = (1 << 26) as f64;
 const GROWTH: f64 = 8.0;
 /// What is left of a price when the next one is lower: dear parts of a picture come again.
 const MEMORY: f64 = 0.95;
-/// Most steps of the first slice. Rays that are done wait for the others of their slice, so it stays short; later slices
-/// hold only rays that still run.
-const LONGEST_FIRST: u32 = 32;
+/// Steps of a slice that most rays end within. Shorter ones cost more in lists than they save in waiting for the longest
+/// rays.
+const STEPS: f64 = 128.0;
+/// Elements that a device takes at the same time: it is not cut into parts of fewer to get longer slices.
+const PARALLEL: f64 = 4096.0;
 
 /// What has been learnt about a kernel; kept from call to call.
 #[derive(Debug)]
@@ -33,15 +35,21 @@ pub(super) struct Slices(Mutex<Learnt>);
 
 #[derive(Clone, Copy, Debug)]
 struct Learnt {
-    /// March steps of a run's first slice.
-    first: u32,
     /// Most work that one dispatch has done.
     largest: f64,
     /// Seconds for a unit of work, where it is dear; 0 before anything is known.
     price: f64,
 }
 
+/// A part of a march: how many rays a dispatch takes, and how many steps each goes at most.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Slice {
+    pub(super) rays: u32,
+    pub(super) steps: u32,
+}
+
 impl Learnt {
+    /// Work that takes the target time.
     fn allowed(&self) -> f64 {
         let affordable = if self.price > 0.0 { TARGET.as_secs_f64() / self.price } else { 0.0 };
         affordable.min(self.largest * GROWTH).clamp(f64::from(FEWEST), MOST)
@@ -50,31 +58,26 @@ impl Learnt {
 
 impl Slices {
     pub(super) fn new() -> Slices {
-        Slices(Mutex::new(Learnt { first: 1, largest: 0.0, price: 0.0 }))
+        Slices(Mutex::new(Learnt { largest: 0.0, price: 0.0 }))
     }
 
     fn learnt(&self) -> MutexGuard<'_, Learnt> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// March steps of a run's first slice.
-    pub(super) fn first(&self) -> u32 {
-        self.learnt().first
+    /// Most elements of a dispatch that makes one estimate for each.
+    pub(super) fn elements(&self) -> u32 {
+        self.learnt().allowed() as u32
     }
 
-    /// Most elements of a dispatch that does `steps` estimates for each.
-    pub(super) fn elements(&self, steps: u32) -> u32 {
-        ((self.learnt().allowed() / f64::from(steps)) as u32).max(FEWEST)
-    }
-
-    /// Steps for `elements` elements, of at most `wanted`, that fit into one dispatch; 1 where not even one does.
-    pub(super) fn steps(&self, elements: u32, wanted: u32) -> u32 {
-        ((self.learnt().allowed() / f64::from(elements)) as u32).clamp(1, wanted.max(1))
-    }
-
-    /// Learns from the first slice of a march.
-    pub(super) fn learn_first(&self, slice: u32, took: Duration) {
-        self.learnt().first = adapt(slice, took).min(LONGEST_FIRST);
+    /// The next slice of a march in which `running` rays have up to `left` steps to go. `step` is the time that one step
+    /// of a ray takes at most, however few there are; 0 where that is not known.
+    pub(super) fn slice(&self, running: u32, left: u32, step: Duration) -> Slice {
+        let most = self.learnt().allowed() * MARGIN;
+        let wanted = (most / f64::from(running)).max(STEPS).min(most / PARALLEL);
+        let in_time = if step.is_zero() { wanted } else { (TOO_LONG / 2).as_secs_f64() / step.as_secs_f64() };
+        let steps = wanted.min(in_time).clamp(1.0, f64::from(left));
+        Slice { rays: ((most / steps) as u32).clamp(FEWEST, running.max(FEWEST)), steps: steps as u32 }
     }
 
     /// Learns from a dispatch that made `work` estimates. Those of little work say more about the way to the device than
@@ -83,20 +86,11 @@ impl Slices {
         let mut learnt = self.learnt();
         let work = f64::from(work.max(1));
         if work * 4.0 >= learnt.allowed() || took > TARGET {
-            learnt.price = (took.as_secs_f64() / work).max(learnt.price * MEMORY);
+            // The largest says most: the way to the device has the smallest part in it.
+            let remembered = if work > learnt.largest { 0.0 } else { learnt.price * MEMORY };
+            learnt.price = (took.as_secs_f64() / work).max(remembered);
             learnt.largest = if took > TOO_LONG { work / 2.0 } else { learnt.largest.max(work) };
         }
-    }
-}
-
-/// The next slice after one of `slice` steps, whose longest dispatch took `took`.
-pub(super) fn adapt(slice: u32, took: Duration) -> u32 {
-    if took < TARGET {
-        slice.saturating_mul(2)
-    } else if took > LONG {
-        (slice / 2).max(1)
-    } else {
-        slice
     }
 }
 
@@ -109,7 +103,7 @@ mod tests {
     fn simulate(slices: &Slices, elements: u32, price: f64) -> (Duration, usize) {
         let (mut left, mut longest, mut count) = (elements, Duration::ZERO, 0);
         while left > 0 {
-            let part = slices.elements(1).min(left);
+            let part = slices.elements().min(left);
             let took = Duration::from_secs_f64((f64::from(part) + 100.0) * price);
             slices.learn(part, took);
             (left, longest, count) = (left - part, longest.max(took), count + 1);
@@ -123,11 +117,9 @@ mod tests {
             let slices = Slices::new();
             let (longest, _) = simulate(&slices, 1 << 17, price);
             assert!(longest < TOO_LONG, "{price}: {longest:?}");
-            // A part of the picture where everything is eight times as dear.
+            // A part of the picture where everything is eight times as dear; 256 elements are never cut.
             let (longest, _) = simulate(&slices, 1 << 14, price * 8.0);
             assert!(longest <= TOO_LONG || price > 4e-5, "{price}: {longest:?}");
-            let (longest, _) = simulate(&slices, 1 << 14, price * 8.0);
-            assert!(longest < TOO_LONG || price > 4e-5, "{price}: {longest:?}");
         }
     }
 
@@ -140,19 +132,27 @@ mod tests {
     }
 
     #[test]
-    fn slices_follow_measured_time() {
-        let (short, good, long) = (Duration::from_millis(1), Duration::from_millis(15), Duration::from_millis(70));
-        assert_eq!([short, good, long].map(|took| adapt(8, took)), [16, 8, 4]);
-        assert_eq!(adapt(1, long), 1);
+    fn the_way_to_the_device_is_no_price_of_the_kernel() {
+        let slices = Slices::new();
+        for _ in 0..8 {
+            slices.learn(slices.elements(), Duration::from_millis(1));
+        }
+        assert!(slices.elements() > 1 << 22, "{}", slices.elements());
     }
 
     #[test]
-    fn steps_fill_a_dispatch_and_no_more() {
+    fn slices_go_on_for_as_long_as_most_rays_and_end_in_time() {
         let slices = Slices::new();
-        assert_eq!(slices.steps(1 << 16, 32), 1);
-        for _ in 0..8 {
-            slices.learn(slices.elements(1), Duration::from_micros(100));
-        }
-        assert_eq!(slices.steps(1 << 16, 32), 32);
+        // At first nothing is known.
+        assert_eq!(slices.slice(1 << 16, 1000, Duration::ZERO), Slice { rays: 2048, steps: 1 });
+        // A million estimates in the target time: eight million, if all rays go to the end, still in less than 100 ms.
+        simulate(&slices, 1 << 24, 12e-9);
+        let Slice { rays, steps } = slices.slice(1 << 16, 1000, Duration::ZERO);
+        assert!(rays == 1 << 16 && (110..=130).contains(&steps), "{rays} x {steps}");
+        // Few rays may go to their end, unless a single step takes long.
+        assert_eq!(slices.slice(300, 800, Duration::ZERO), Slice { rays: 300, steps: 800 });
+        assert_eq!(slices.slice(300, 800, Duration::from_millis(1)).steps, 50);
+        // So may many, in parts.
+        assert!(slices.slice(1 << 22, 1000, Duration::ZERO).steps >= 110);
     }
 }

@@ -32,6 +32,8 @@ use crate::graph::Schedule;
 
 /// Invocations in a workgroup.
 pub const WORKGROUP: u32 = 64;
+/// One invocation of so many counts its estimates, which the others are taken to make too: counting costs time.
+pub const SAMPLED: u32 = 16;
 /// Binding of a kernel's uniforms.
 pub const UNIFORMS: u32 = 5;
 
@@ -151,6 +153,7 @@ impl Module<'_> {
     fn template(&mut self, template: &str, slots: &[(&str, String)]) {
         let mut slots = slots.to_vec();
         slots.push(("WORKGROUP", WORKGROUP.to_string()));
+        slots.push(("SAMPLED", SAMPLED.to_string()));
         self.body.push_str(&fill(template, &slots));
         self.body.push('\n');
     }
