@@ -36,8 +36,14 @@ fn main() {
         let pixels = gpu.upload(&[column(|p| p.0), column(|p| p.1)]).expect("columns fit");
         let rays = gpu.run(&camera, &[&pixels]).expect("kernels run");
         let generated = gpu.prepare(&arena, &pipeline.march).expect("kernels compile");
-        let by_hand = ByHand::new(wgsl, &gpu.download(&rays).expect("rays download"), pipeline.pixel_radius);
+        let columns = gpu.download(&rays).expect("rays download");
+        let by_hand = ByHand::new(wgsl, &columns, pipeline.pixel_radius, 64);
         compare(name, rounds, &gpu, &generated, &rays, &by_hand);
+        for workgroup in [16, 32, 64, 128, 256] {
+            let by_hand = ByHand::new(wgsl, &columns, pipeline.pixel_radius, workgroup);
+            let least = (0..=rounds).map(|_| milliseconds(|| by_hand.run())).fold(f64::INFINITY, f64::min);
+            println!("{:<12} by hand in workgroups of {workgroup}: {least:.1} ms", "");
+        }
     }
 }
 
@@ -52,16 +58,14 @@ fn pipeline(arena: &Rc<Arena>, name: &str) -> Pipeline {
 
 /// Runs both by turns.
 fn compare(name: &str, rounds: usize, gpu: &Gpu, generated: &GpuKernel, rays: &GpuColumns, by_hand: &ByHand) {
-    let mut times = [Vec::new(), Vec::new()];
+    let mut times = [const { Vec::new() }; 3];
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     for _ in 0..=rounds {
-        let start = Instant::now();
-        let hits = gpu.run(generated, &[rays]).expect("kernels run");
-        times[0].push(start.elapsed().as_secs_f64() * 1e3);
-        let start = Instant::now();
-        by_hand.run();
-        times[1].push(start.elapsed().as_secs_f64() * 1e3);
-        ours = gpu.download(&hits).expect("hits download");
+        let mut hits = None;
+        times[0].push(milliseconds(|| hits = gpu.run(generated, &[rays]).ok()));
+        times[1].push(milliseconds(|| by_hand.run()));
+        let hits = hits.expect("kernels run");
+        times[2].push(milliseconds(|| ours = gpu.download(&hits).expect("hits download")));
         theirs = by_hand.hits();
     }
     let dispatches = gpu.dispatches();
@@ -75,6 +79,7 @@ fn compare(name: &str, rounds: usize, gpu: &Gpu, generated: &GpuKernel, rays: &G
         "{name:<12} generated {:.1} ms (median {:.1}), by hand {:.1} ms (median {:.1})",
         least[0], median[0], least[1], median[1]
     );
+    println!("{:<12} download of all columns: {:.1} ms", "", times[2][0]);
     println!(
         "{:<12} {} dispatches so far, the longest {:.1} ms",
         "",
@@ -97,6 +102,12 @@ fn compare(name: &str, rounds: usize, gpu: &Gpu, generated: &GpuKernel, rays: &G
     );
 }
 
+fn milliseconds(work: impl FnOnce()) -> f64 {
+    let start = Instant::now();
+    work();
+    start.elapsed().as_secs_f64() * 1e3
+}
+
 /// A pipeline of WGSL written by hand, on a device of its own.
 struct ByHand {
     device: wgpu::Device,
@@ -105,10 +116,11 @@ struct ByHand {
     group: wgpu::BindGroup,
     hits: wgpu::Buffer,
     rays: u32,
+    workgroup: u32,
 }
 
 impl ByHand {
-    fn new(estimate: &str, rays: &[Vec<f64>], pixel_radius: f64) -> ByHand {
+    fn new(estimate: &str, rays: &[Vec<f64>], pixel_radius: f64, workgroup: u32) -> ByHand {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
@@ -117,7 +129,8 @@ impl ByHand {
         .expect("there is an adapter");
         let request = wgpu::DeviceDescriptor { required_limits: adapter.limits(), ..Default::default() };
         let (device, queue) = pollster::block_on(adapter.request_device(&request)).expect("the adapter opens");
-        let text = format!("{}\n{estimate}", include_str!("march.wgsl"));
+        let march = include_str!("march.wgsl").replace("size(64)", &format!("size({workgroup})"));
+        let text = format!("{march}\n{estimate}");
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: None,
             source: wgpu::ShaderSource::Wgsl(text.into()),
@@ -153,7 +166,7 @@ impl ByHand {
                 wgpu::BindGroupEntry { binding: 1, resource: hits.as_entire_binding() },
             ],
         });
-        ByHand { device, queue, pipeline, group, hits, rays: count as u32 }
+        ByHand { device, queue, pipeline, group, hits, rays: count as u32, workgroup }
     }
 
     fn wait(&self) {
@@ -166,7 +179,7 @@ impl ByHand {
             let mut pass = encoder.begin_compute_pass(&Default::default());
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &self.group, &[]);
-            pass.dispatch_workgroups(self.rays.div_ceil(64), 1, 1);
+            pass.dispatch_workgroups(self.rays.div_ceil(self.workgroup), 1, 1);
         }
         self.queue.submit([encoder.finish()]);
         self.wait();
