@@ -22,7 +22,7 @@ const MOST: f64 = (1 << 26) as f64;
 /// How much more work than the largest dispatch so far one may get.
 const GROWTH: f64 = 8.0;
 /// What is left of a price when the next one is lower: dear parts of a picture come again.
-const MEMORY: f64 = 0.95;
+const MEMORY: f64 = 0.8;
 /// Steps of a slice that most rays end within. Shorter ones cost more in lists than they save in waiting for the longest
 /// rays.
 const STEPS: f64 = 64.0;
@@ -80,12 +80,12 @@ impl Slices {
         Slice { rays: ((most / steps) as u32).clamp(FEWEST, running.max(FEWEST)), steps: steps as u32 }
     }
 
-    /// Learns from a dispatch that made `work` estimates. Those of little work say more about the way to the device than
-    /// about the kernel, unless they took long.
+    /// Learns from a dispatch that made `work` estimates. Those of little work say more about the way to the device and the
+    /// last few rays than about the kernel, unless they took too long.
     pub(super) fn learn(&self, work: u32, took: Duration) {
         let mut learnt = self.learnt();
         let work = f64::from(work.max(1));
-        if work * 4.0 >= learnt.allowed() || took > TARGET {
+        if work * 4.0 >= learnt.allowed() || took > TOO_LONG {
             // The largest says most: the way to the device has the smallest part in it.
             let remembered = if work > learnt.largest { 0.0 } else { learnt.price * MEMORY };
             learnt.price = (took.as_secs_f64() / work).max(remembered);
