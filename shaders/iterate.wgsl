@@ -7,14 +7,17 @@ struct $ORBIT_end {
     n: u32,
 }
 
-/// Iterates until the orbit has escaped or `max_iterations` are done.
+/// Iterates until the orbit has escaped or `max_iterations` are done. One way out: where lanes run in step, returning from
+/// within a loop costs a mask in each iteration.
 fn iterate_$ORBIT(start: $START) -> $ORBIT_end {
     var state = $STATE($FIRST);
-    for (var n = 0u; n < $MAX_ITERATIONSu; n++) {
+    var n = 0u;
+    while n < $MAX_ITERATIONSu {
         $ITERATION
+        n++;
         if state.escaped {
-            return $ORBIT_end(state, false, n + 1u);
+            break;
         }
     }
-    return $ORBIT_end(state, true, $MAX_ITERATIONSu);
+    return $ORBIT_end(state, !state.escaped, n);
 }

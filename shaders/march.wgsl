@@ -3,6 +3,8 @@
 
 struct Running {
     count: atomic<u32>,
+    /// Estimates made by one invocation of $SAMPLED.
+    work: atomic<u32>,
     rays: array<u32>,
 }
 
@@ -45,7 +47,7 @@ fn march(@builtin(global_invocation_id) id: vec3<u32>) {
     if k >= call.end {
         return;
     }
-    let i = listed[k + 1u];
+    let i = listed[k + 2u];
     $RAY
     var state = $ADVANCE_out($STATE);
     var steps = 0u;
@@ -63,6 +65,9 @@ fn march(@builtin(global_invocation_id) id: vec3<u32>) {
     store($STEPSu, i, read_state($STEPSu, i) + f32(steps));
     store($STEPSu + 1u, i, read_state($STEPSu + 1u, i) + iterations);
     store($STEPSu + 2u, i, read_state($STEPSu + 2u, i) + f32(nans));
+    if k % $SAMPLEDu == 0u {
+        atomicAdd(&running.work, steps);
+    }
     if state.status == 0.0 {
         keep_running(i);
     }

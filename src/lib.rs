@@ -36,6 +36,7 @@ pub mod diag;
 pub mod expr;
 pub mod film;
 pub mod formula;
+pub mod frames;
 pub mod graph;
 pub mod kernel;
 pub mod load;

@@ -15,6 +15,7 @@ const ORDER: &[&str] = &[
     "shade",
     "film",
     "render",
+    "frames",
     "precision",
     "load",
     "check",

@@ -24,9 +24,11 @@ mod page;
 mod points;
 mod probe;
 mod progress;
+mod range;
 mod render;
 mod session;
 mod stats;
+mod sweep;
 mod test;
 mod truth;
 #[cfg(feature = "chart")]

@@ -3,9 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::time::Duration;
-#[cfg(feature = "chart")]
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bulbfold::calibrate::Calibration;
 use bulbfold::compose::{Composer, choose};
@@ -25,6 +23,7 @@ use super::backend::{Job, Wanted, run_job};
 use super::calibration::{Wish, choose_estimate};
 use super::progress::{Progress, short};
 use super::session::{check_output, talk};
+use super::sweep::{self, SweepArgs};
 #[cfg(feature = "chart")]
 use super::view::{self, Request, ViewArg};
 use super::{Failure, Outcome, Session, message, stats, usage};
@@ -36,48 +35,51 @@ Examples:
   bulbfold render mandelbulb
   bulbfold render mandelbox.ron -o box.png --size 1920x1080 --samples 3 --stats
   bulbfold render mandelbulb --set power=6 --camera 1.5,-2,1 --fov 30 -o close.png
-  bulbfold render box_bulb --view error --stats -o box_bulb_error.png")]
+  bulbfold render box_bulb --view error --stats -o box_bulb_error.png
+  bulbfold render mandelbulb --sweep power=2..12 --sweep turn=0..90 --frames 48 -o bulb_%04d.png")]
 pub struct Arguments {
     #[command(flatten)]
-    formula: FormulaArgs,
+    pub(super) formula: FormulaArgs,
     /// The picture to write [default: NAME.png]
     #[arg(short, long, value_name = "OUT.png")]
-    output: Option<PathBuf>,
+    pub(super) output: Option<PathBuf>,
     /// Columns and rows [default: 1280x720]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    size: Option<Size>,
+    pub(super) size: Option<Size>,
     /// Show what the march did instead, with a legend below the picture
     #[cfg(feature = "chart")]
     #[arg(long, value_enum, value_name = "VIEW", conflicts_with_all = ["samples", "sampling", "json"])]
     view: Option<ViewArg>,
     /// Samples along each edge of a pixel: 1 is fastest, 2 takes 4 a pixel, 3 takes 9
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
-    samples: u32,
+    pub(super) samples: u32,
     /// Which pixels get all of them: those that differ from their neighbours, or every one
     #[arg(long, value_enum, default_value_t = SamplingArg::Adaptive)]
     sampling: SamplingArg,
     /// Where to compute
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
-    backend: BackendArg,
+    pub(super) backend: BackendArg,
     /// Precision; f64 is slower and runs on the CPU
     #[arg(long, value_enum, default_value_t = PicturePrecision::Auto)]
-    precision: PicturePrecision,
+    pub(super) precision: PicturePrecision,
     #[command(flatten)]
-    estimate: AutoArgs,
+    pub(super) estimate: AutoArgs,
     #[command(flatten)]
-    camera: CameraArgs,
+    pub(super) camera: CameraArgs,
+    #[command(flatten)]
+    sweep: SweepArgs,
     /// Print what was chosen and counted, to stderr
     #[arg(long)]
-    stats: bool,
+    pub(super) stats: bool,
     /// Print what was chosen and counted, to stdout as one JSON object
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
     /// Threads of the CPU back end [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     threads: Option<u32>,
     /// No progress and no word on success
     #[arg(short, long)]
-    quiet: bool,
+    pub(super) quiet: bool,
 }
 
 /// [`Sampling`] as a flag's value.
@@ -109,38 +111,86 @@ impl Arguments {
         }
         DEFAULT_SIZE
     }
+
+    /// Whether this is a picture of the fractal, and not of what the march did.
+    pub(super) fn is_plain(&self) -> bool {
+        #[cfg(feature = "chart")]
+        return self.view.is_none();
+        #[cfg(not(feature = "chart"))]
+        true
+    }
+
+    /// Starts the threads that were asked for, and gives the precision.
+    pub(super) fn prepare(&self) -> Result<PrecisionArg, Failure> {
+        if let Some(threads) = self.threads {
+            // Fails only when threads are running already, and then the number stays what it was.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
+        }
+        Wanted { backend: self.backend, precision: self.precision.given() }.precision(PrecisionArg::F32)
+    }
+
+    /// What a calibration for one picture is to know.
+    pub(super) fn wish(&self, graph: &ValidGraph, settings: &RenderSettings, precision: PrecisionArg) -> Wish<'_> {
+        let Size { width, height } = settings.size;
+        Wish {
+            estimate: &self.estimate,
+            size: settings.size,
+            camera: graph.camera,
+            precision,
+            primary_rays: u64::from(width) * u64::from(height) * u64::from(settings.samples).pow(2),
+            quiet: self.quiet,
+        }
+    }
+
+    /// What is asked of the picture, before anything is chosen.
+    pub(super) fn settings(&self, precision: PrecisionArg) -> RenderSettings {
+        RenderSettings {
+            size: self.size.unwrap_or_else(|| self.default_size()),
+            samples: self.samples,
+            sampling: self.sampling.sampling(),
+            min_difference: precision.min_difference(),
+            estimate: self.estimate.estimate.settings(),
+            ..RenderSettings::default()
+        }
+    }
 }
 
 /// What replaces parts of the file's camera.
 #[derive(Args, Clone, Copy, Debug)]
-struct CameraArgs {
+pub(super) struct CameraArgs {
     /// Position of the camera, in world units
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_vector)]
-    camera: Option<[f64; 3]>,
+    pub(super) camera: Option<[f64; 3]>,
     /// The point in the middle of the picture
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_vector)]
-    target: Option<[f64; 3]>,
+    pub(super) target: Option<[f64; 3]>,
     /// Roughly upwards
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_vector)]
-    up: Option<[f64; 3]>,
+    pub(super) up: Option<[f64; 3]>,
     /// Angle from the bottom to the top of the picture, in degrees
     #[arg(long, value_name = "DEG", value_parser = parse_fov)]
-    fov: Option<f64>,
+    pub(super) fov: Option<f64>,
+    /// Angle of a turn around the target about the up direction, in radians: of sweeps.
+    #[arg(skip)]
+    pub(super) turn: Option<f64>,
 }
 
 impl CameraArgs {
     fn is_empty(&self) -> bool {
-        self.camera.is_none() && self.target.is_none() && self.up.is_none() && self.fov.is_none()
+        self.camera.is_none() && self.target.is_none() && self.up.is_none() && self.fov.is_none() && self.turn.is_none()
     }
 
     /// `base` with what was given in its place.
     fn apply(&self, base: Camera) -> Result<Camera, Failure> {
-        let camera = Camera {
+        let mut camera = Camera {
             position: self.camera.unwrap_or(base.position),
             target: self.target.unwrap_or(base.target),
             up: self.up.unwrap_or(base.up),
             fov: self.fov.map_or(base.fov, f64::to_radians),
         };
+        if let Some(angle) = self.turn {
+            camera = shade::turned(&camera, angle);
+        }
         let frame = shade::CameraFrame::new(&camera);
         if [frame.right, frame.up, frame.forward].iter().flatten().all(|x| x.is_finite()) {
             return Ok(camera);
@@ -152,17 +202,16 @@ impl CameraArgs {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
+    if let Some(frames) = arguments.sweep.frames {
+        return sweep::run(arguments, &arguments.sweep, frames, session, out);
+    }
     let output = output_path(arguments);
     check_output(&output, Some("png"))?;
-    let wanted = Wanted { backend: arguments.backend, precision: arguments.precision.given() };
-    let asked = wanted.precision(PrecisionArg::F32)?;
-    if let Some(threads) = arguments.threads {
-        // Fails only when threads are running already, and then the number stays what it was.
-        let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
-    }
+    let asked = arguments.prepare()?;
     let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
     let arena = Rc::new(Arena::default());
-    let Fitted { graph, settings, pipeline, precision, calibration } = fit(session, arguments, asked, &arena, graph)?;
+    let Fitted { graph, settings, pipeline, precision, calibration, composing } =
+        fit(session, arguments, asked, &arena, graph)?;
     #[cfg(feature = "chart")]
     if let Some(ViewArg(view)) = arguments.view {
         let request = Request {
@@ -193,6 +242,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         settings: &settings,
         pipeline: &pipeline,
         calibration: &calibration,
+        composing,
         stats: &stats,
         encode,
     };
@@ -215,6 +265,8 @@ struct Fitted {
     pipeline: Pipeline,
     precision: PrecisionArg,
     calibration: Calibration,
+    /// Time to compose the kernels.
+    composing: Duration,
 }
 
 /// Settles the view, then the precision that it needs (by rays of a march by rules), then the estimate.
@@ -226,36 +278,21 @@ fn fit(
     graph: ValidGraph,
 ) -> Result<Fitted, Failure> {
     let failed = |diagnostic| session.failure(diagnostic);
-    let mut settings = RenderSettings {
-        size: arguments.size.unwrap_or_else(|| arguments.default_size()),
-        samples: arguments.samples,
-        sampling: arguments.sampling.sampling(),
-        min_difference: asked.min_difference(),
-        estimate: arguments.estimate.estimate.settings(),
-        ..RenderSettings::default()
-    };
+    let mut settings = arguments.settings(asked);
     let graph = with_view(session, arena, graph, &settings, &arguments.camera)?;
     let composer = Composer { arena, library: &session.library, graph: &graph };
     let by_rules = compose_pipeline(&composer, &settings).map_err(failed)?;
     let resolution = resolution(arena, &by_rules, settings.size);
     let precision = settle_precision(session, arguments, asked, &resolution);
     settings.min_difference = precision.min_difference();
-    let size = settings.size;
-    let wish = Wish {
-        estimate: &arguments.estimate,
-        size,
-        camera: graph.camera,
-        precision,
-        primary_rays: u64::from(size.width) * u64::from(size.height) * u64::from(settings.samples).pow(2),
-        quiet: arguments.quiet,
-    };
-    let calibration = choose_estimate(session, &graph, arena, &wish)?;
+    let calibration = choose_estimate(session, &graph, arena, &arguments.wish(&graph, &settings, precision))?;
+    let start = Instant::now();
     let pipeline = compose_planned(&composer, &settings, calibration.plan.clone()).map_err(failed)?;
-    Ok(Fitted { graph, settings, pipeline, precision, calibration })
+    Ok(Fitted { composing: start.elapsed(), graph, settings, pipeline, precision, calibration })
 }
 
 /// The precision of the picture, with a word where the view is too close for one.
-fn settle_precision(
+pub(super) fn settle_precision(
     session: &Session,
     arguments: &Arguments,
     asked: PrecisionArg,
@@ -290,7 +327,7 @@ fn settle_precision(
     asked
 }
 
-fn cannot_write(output: &Path, error: &std::io::Error) -> Failure {
+pub(super) fn cannot_write(output: &Path, error: &std::io::Error) -> Failure {
     Failure::Work(message(&format!("cannot write {}: {error}", output.display()), ""))
 }
 
@@ -305,7 +342,7 @@ fn output_path(arguments: &Arguments) -> PathBuf {
 }
 
 /// The graph with the camera that was asked for.
-fn with_view(
+pub(super) fn with_view(
     session: &Session,
     arena: &Rc<Arena>,
     graph: ValidGraph,
@@ -341,14 +378,24 @@ impl Job for RenderJob<'_> {
     fn run<B: Backend>(&mut self, backend: &B) -> Result<Self::Output, BackendError> {
         let mut renderer = Renderer::new(backend, self.arena, self.pipeline, self.settings)?;
         let mut progress = Progress::new(self.quiet);
-        let mut file = PngFile::new(self.output, self.settings.size);
-        // A file that cannot be written on stops the render, and then says why.
-        let result = renderer.render_rows(&mut |rows| file.push(rows), &mut |share| {
-            progress.update(share);
-            true
-        });
+        let written = render_file(&mut renderer, self.output, self.settings.size, &mut |share| progress.update(share));
         progress.finish();
-        result?;
-        Ok((renderer.stats, file.finish()))
+        Ok((renderer.stats, written?))
     }
+}
+
+/// Renders a picture into its file; gives the time that the file took, or why it could not be written.
+pub(super) fn render_file<B: Backend>(
+    renderer: &mut Renderer<B>,
+    output: &Path,
+    size: Size,
+    progress: &mut (dyn FnMut(f64) + Send),
+) -> Result<std::io::Result<Duration>, BackendError> {
+    let mut file = PngFile::new(output, size);
+    // A file that cannot be written on stops the render, and then says why.
+    renderer.render_rows(&mut |rows| file.push(rows), &mut |share| {
+        progress(share);
+        true
+    })?;
+    Ok(file.finish())
 }

@@ -39,6 +39,16 @@ impl Session {
         loaded.ok_or_else(|| usage(format!("cannot load `{what}`"), ""))
     }
 
+    /// Loads a fractal that has been loaded with other settings: warnings are not told again.
+    pub fn load_again(&mut self, what: &str, set: &[(String, String)]) -> Result<Loaded, Failure> {
+        let mut d = Diagnostics::default();
+        let loaded = load(&mut self.library, what, set, &mut d);
+        match loaded {
+            Some(loaded) => Ok(loaded),
+            None => self.report(d).and(Err(usage(format!("cannot load `{what}`"), ""))),
+        }
+    }
+
     /// Shows warnings on stderr; errors become a failure.
     pub fn report(&self, d: Diagnostics) -> Result<(), Failure> {
         if d.is_empty() {

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use bulbfold::calibrate::Calibration;
 use bulbfold::compose::{Choice, Plan};
+use bulbfold::kernel::Compiling;
 use bulbfold::render::{Pipeline, RenderSettings, Stats};
 use serde_json::{Map, Value, json};
 
@@ -25,6 +26,8 @@ pub struct Report<'a> {
     pub pipeline: &'a Pipeline,
     /// How the estimate was chosen.
     pub calibration: &'a Calibration,
+    /// Time that composing the kernels took.
+    pub composing: Duration,
     /// What was counted.
     pub stats: &'a Stats,
     /// Time that compressing and writing the file took.
@@ -85,7 +88,12 @@ impl Report<'_> {
                 "primary": stats.estimates as f64 / self.pixels(),
                 "shadow": stats.shadow_estimates as f64 / self.pixels(),
             },
+            "compose_seconds": self.composing.as_secs_f64(),
             "compile_seconds": stats.compile.as_secs_f64(),
+            "compiling": stats.compiling.map(|c| json!({
+                "kernels": c.kernels, "compiled": c.compiled,
+                "own_seconds": c.own.as_secs_f64(), "driver_seconds": c.driver.as_secs_f64(),
+            })),
             "render_seconds": stats.render.as_secs_f64(),
             "stage_seconds": self.stages().iter().map(|(name, time)| ((*name).into(), json!(time.as_secs_f64()))).collect::<Map<_, _>>(),
             "peak_memory_bytes": peak_memory(),
@@ -130,7 +138,11 @@ impl Report<'_> {
         let [beams, primary, shadow] = parts.map(each);
         let all = beams + primary + shadow;
         row("estimates per pixel", format!("{all:.1}: {beams:.2} beams, {primary:.1} primary, {shadow:.1} shadow"));
+        row("compose time", format!("{:.3} s", self.composing.as_secs_f64()));
         row("compile time", format!("{:.3} s", stats.compile.as_secs_f64()));
+        if let Some(done) = &stats.compiling {
+            row("compiling", compiling(done));
+        }
         row("render time", format!("{:.3} s", stats.render.as_secs_f64()));
         let stages: Vec<String> =
             self.stages().iter().map(|(name, time)| format!("{name} {:.3} s", time.as_secs_f64())).collect();
@@ -148,6 +160,13 @@ fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+}
+
+/// What a back end has compiled, and whose time that took.
+pub fn compiling(done: &Compiling) -> String {
+    let [own, driver] = [done.own, done.driver].map(|time| time.as_secs_f64());
+    let Compiling { kernels, compiled, .. } = done;
+    format!("{compiled} of {kernels} kernels, the others known; own work {own:.3} s, driver {driver:.3} s")
 }
 
 /// What was chosen for each orbit: a name and the choice with its reason.

@@ -83,6 +83,8 @@ pub enum Op {
     Const([u64; 4]),
     /// The function's input of this number.
     Input(u16),
+    /// The kernel's number of this place in its list of uniforms: the same for all elements of a run, and known only then.
+    Uniform(u16),
     /// A vector from its components.
     Compose,
     /// A vector of equal components.
@@ -196,6 +198,16 @@ impl Arena {
     /// The function input of this number and type.
     pub fn input(&self, number: u16, ty: Type) -> Expr<'_> {
         self.intern(Op::Input(number), &[], ty)
+    }
+
+    /// The kernel's uniform of this number.
+    pub fn uniform(&self, number: u16) -> Expr<'_> {
+        self.intern(Op::Uniform(number), &[], Type::F)
+    }
+
+    /// A node like another one, with other arguments of the same types, as it is: nothing is simplified.
+    pub(crate) fn with_args(&self, node: &Node, args: &[NodeId]) -> NodeId {
+        self.intern(node.op, args, node.ty).id
     }
 
     /// A vector from three or four numbers (or booleans).

@@ -159,7 +159,7 @@ impl<'g> Encloser<'g> {
             return y.components().into_iter().map(Bounds::exactly).collect();
         }
         match node.op {
-            Op::Const(_) | Op::Input(_) => y.components().into_iter().map(Bounds::exactly).collect(),
+            Op::Const(_) | Op::Input(_) | Op::Uniform(_) => y.components().into_iter().map(Bounds::exactly).collect(),
             Op::Compose => b.iter().map(|b| b[0]).collect(),
             Op::Splat => vec![b[0][0]; width],
             Op::Extract(i) => vec![b[0][i as usize]],
@@ -261,7 +261,7 @@ pub fn substitute<'g>(arena: &'g Arena, roots: &[Expr<'g>], places: &[(Expr<'g>,
         arena.set_span(node.span);
         let args: Vec<Expr<'g>> = node.args().iter().map(|a| built[a]).collect();
         let new = match node.op {
-            Op::Const(_) | Op::Input(_) => arena.expr(id),
+            Op::Const(_) | Op::Input(_) | Op::Uniform(_) => arena.expr(id),
             Op::Compose => arena.compose(&args),
             Op::Splat => args[0].widen(node.ty.width),
             Op::Extract(i) => args[0].component(i),

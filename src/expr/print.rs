@@ -39,7 +39,7 @@ pub fn listing(arena: &Arena, function: &Function, sources: &Sources) -> String 
 }
 
 fn is_inline(op: Op) -> bool {
-    matches!(op, Op::Const(_) | Op::Input(_) | Op::Extract(_) | Op::Splat)
+    matches!(op, Op::Const(_) | Op::Input(_) | Op::Uniform(_) | Op::Extract(_) | Op::Splat)
 }
 
 fn place(sources: &Sources, node: &Node) -> String {
@@ -66,6 +66,7 @@ impl Printer<'_> {
                 Some(port) => port.name.clone(),
                 None => format!("input_{number}"),
             },
+            Op::Uniform(number) => format!("uniform_{number}"),
             Op::Extract(i) => format!("{}.{}", args[0], COMPONENTS[usize::from(i) % 4]),
             Op::Splat => args[0].to_string(),
             _ => format!("{}({})", operator(node), args.join(", ")),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::tape::lower_group;
 use super::{Estimator, Kernel, Orbit};
-use crate::expr::{Arena, Function, Port};
+use crate::expr::{Arena, Function, Op, Port};
 
 impl Kernel {
     /// All functions of the kernel, in the order in which they first run.
@@ -19,6 +19,15 @@ impl Kernel {
                 functions
             }
         }
+    }
+
+    /// Length of the list of uniforms that the kernel reads; 0 where all of its numbers are constants.
+    pub fn uniforms(&self, arena: &Arena) -> usize {
+        let number = |id| match arena.node(id).op {
+            Op::Uniform(number) => Some(usize::from(number) + 1),
+            _ => None,
+        };
+        self.functions().into_iter().flat_map(|f| f.nodes(arena)).filter_map(number).max().unwrap_or(0)
     }
 }
 

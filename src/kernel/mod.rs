@@ -5,12 +5,14 @@
 //! numbers, one a scalar of the kernel's inputs; out come columns of its outputs. A back end is a [`Backend`]: the
 //! [`cpu`] interpreter in f64 or wide f32, and the `gpu` back end through generated [`wgsl`].
 
+pub mod constants;
 pub mod cost;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod listing;
 pub mod tape;
+pub mod template;
 pub mod wgsl;
 pub mod work;
 
@@ -217,6 +219,19 @@ pub struct Batch {
     pub parallel: bool,
 }
 
+/// What a back end has prepared.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Compiling {
+    /// Kernels that were asked for.
+    pub kernels: u32,
+    /// Kernels that were compiled: the others are equal to one of these.
+    pub compiled: u32,
+    /// Time of our own work: writing code and checking it.
+    pub own: std::time::Duration,
+    /// Time of the driver's compiler.
+    pub driver: std::time::Duration,
+}
+
 /// Something that runs kernels. Columns stay where the back end keeps them until they are downloaded.
 pub trait Backend: Sync {
     /// A kernel made ready to run.
@@ -229,6 +244,13 @@ pub trait Backend: Sync {
 
     /// Compiles a kernel.
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<Self::Prepared, BackendError>;
+    /// A prepared kernel with other values of its uniforms, by number; nothing is compiled. They are 0 before, and those
+    /// that the list lacks keep what they have.
+    fn bind(&self, kernel: &Self::Prepared, uniforms: &[f64]) -> Result<Self::Prepared, BackendError>;
+    /// What has been prepared so far, and how long it took; `None` where no account is kept.
+    fn compiling(&self) -> Option<Compiling> {
+        None
+    }
     /// Copies columns of equal length in.
     fn upload(&self, columns: &[Vec<f64>]) -> Result<Self::Columns, BackendError>;
     /// Copies columns out.

@@ -4,9 +4,10 @@
 //! reads are not computed. Registers are reused as soon as their value is dead, which keeps the working set small: a
 //! register holds a whole pack of rays.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
 
+use super::constants::Constants;
 use crate::expr::ops::{Operands, Operator};
 use crate::expr::{Arena, Function, NodeId, Op, Port};
 
@@ -69,19 +70,6 @@ pub struct Instruction {
     pub operands: Operands,
 }
 
-/// Constants shared by the tapes that run on one register file: bits of each value and its register.
-#[derive(Clone, Debug, Default)]
-pub struct Constants {
-    registers: BTreeMap<u64, u16>,
-}
-
-impl Constants {
-    /// Values and their registers.
-    pub fn iter(&self) -> impl Iterator<Item = (u16, f64)> + '_ {
-        self.registers.iter().map(|(bits, register)| (*register, f64::from_bits(*bits)))
-    }
-}
-
 /// A function as instructions.
 #[derive(Clone, Debug)]
 pub struct Tape {
@@ -104,26 +92,14 @@ pub struct Tape {
 pub fn lower_group(arena: &Arena, functions: &[(&Function, u16)], free_from: u16) -> (Vec<Tape>, Constants) {
     let mut constants = Constants::default();
     for (function, _) in functions {
-        collect_constants(arena, function, free_from, &mut constants);
+        constants.collect(arena, function, free_from);
     }
-    let first_temporary = free_from + constants.registers.len() as u16;
+    let first_temporary = free_from + constants.len() as u16;
     let tapes = functions
         .iter()
         .map(|(function, inputs_at)| Lowering::new(arena, function, *inputs_at, &constants, first_temporary).finish())
         .collect();
     (tapes, constants)
-}
-
-fn collect_constants(arena: &Arena, function: &Function, free_from: u16, constants: &mut Constants) {
-    for id in function.nodes(arena) {
-        let node = arena.node(id);
-        if let Some(values) = node.constant() {
-            for value in &values[..node.ty.width as usize] {
-                let next = free_from + constants.registers.len() as u16;
-                constants.registers.entry(value.to_bits()).or_insert(next);
-            }
-        }
-    }
 }
 
 struct Lowering<'a> {
@@ -228,10 +204,11 @@ impl<'a> Lowering<'a> {
             Op::Const(values) => {
                 let mut registers = [0; 4];
                 for i in 0..node.ty.width as usize {
-                    registers[i] = u32::from(self.constants.registers[&values[i]]);
+                    registers[i] = u32::from(self.constants.register(values[i]));
                 }
                 registers
             }
+            Op::Uniform(number) => [u32::from(self.constants.uniform(number)); 4],
             Op::Input(number) => {
                 let before = Port::scalars(&self.function.inputs[..number as usize]) as u32;
                 std::array::from_fn(|i| u32::from(self.inputs_at) + before + i as u32)
@@ -519,7 +496,9 @@ impl Tape {
         let mut text =
             format!("{} ({} instructions, {} registers)\n", self.name, self.instructions.len(), self.register_count);
         let values: HashMap<u16, f64> = constants.iter().collect();
+        let uniforms: HashMap<u16, u16> = constants.uniforms().map(|(number, register)| (register, number)).collect();
         let name = |register: u16| match values.get(&register) {
+            _ if uniforms.contains_key(&register) => format!("uniform{}", uniforms[&register]),
             Some(value) => format!("{value}"),
             None if self.inputs.contains(&register) => format!("in{}", register - self.inputs[0]),
             None => format!("r{register}"),

@@ -125,6 +125,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         };
         renderer.stats.undecided = shape.is_certified.then_some(0);
         renderer.stats.compile = start.elapsed();
+        renderer.stats.compiling = backend.compiling();
         Ok(renderer)
     }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::kernel::{Status, march_output_ports};
+use crate::kernel::{Compiling, Status, march_output_ports};
 use crate::march::is_undecided;
 
 /// What a render counted. Rays are the primary ones, all samples of all pixels.
@@ -35,6 +35,8 @@ pub struct Stats {
     pub shadow_estimates: u64,
     /// Time to compile kernels.
     pub compile: Duration,
+    /// What the back end has compiled by then, where it keeps account.
+    pub compiling: Option<Compiling>,
     /// Time to render, without compiling.
     pub render: Duration,
     /// Time in marches of primary rays and beams, summed over threads.

@@ -52,6 +52,14 @@ pub fn frame_automatically(bounding_radius: f64) -> Camera {
     Camera { position: (direction * distance).into(), target: [0.0; 3], up: [0.0, 0.0, 1.0], fov }
 }
 
+/// The camera turned around its target about its up direction, by an angle in radians (counter-clockwise seen from there).
+pub fn turned(camera: &Camera, angle: f64) -> Camera {
+    use glam::{DQuat, DVec3};
+    let (target, axis) = (DVec3::from(camera.target), DVec3::from(camera.up).normalize());
+    let arm = DQuat::from_axis_angle(axis, angle) * (DVec3::from(camera.position) - target);
+    Camera { position: (target + arm).into(), ..*camera }
+}
+
 /// Radius of a pixel at distance 1.
 pub fn pixel_radius(camera: &Camera, size: Size) -> f64 {
     (camera.fov / 2.0).tan() / f64::from(size.height)

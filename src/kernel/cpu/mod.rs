@@ -131,6 +131,15 @@ impl Backend for Cpu {
         })
     }
 
+    fn bind(&self, kernel: &CpuKernel, uniforms: &[f64]) -> Result<CpuKernel, BackendError> {
+        Ok(CpuKernel {
+            #[cfg(target_arch = "x86_64")]
+            compiled: kernel.compiled.as_ref().map(|compiled| compiled.bind(uniforms)),
+            program: kernel.program.bind(uniforms),
+            ..*kernel
+        })
+    }
+
     fn upload(&self, columns: &[Vec<f64>]) -> Result<CpuColumns, BackendError> {
         Ok(match self.precision {
             Precision::F64 => CpuColumns::F64(columns.to_vec()),

@@ -3,10 +3,12 @@
 use crate::expr::ops::Register;
 use crate::expr::{Arena, Function, Port};
 use crate::graph::Schedule;
-use crate::kernel::tape::{Constants, Tape, lower_group};
+use crate::kernel::constants::Constants;
+use crate::kernel::tape::{Tape, lower_group};
 use crate::kernel::{Estimator, Kernel, March, Orbit};
 use crate::math::Real;
 
+#[derive(Clone)]
 pub(super) enum Program {
     Map(TapeSet),
     Estimate(EstimatorTapes),
@@ -21,15 +23,33 @@ impl Program {
             Kernel::March(march) => Program::March(MarchTapes::new(arena, march)),
         }
     }
+
+    /// The same tapes with these values of their uniforms.
+    pub(super) fn bind(&self, uniforms: &[f64]) -> Program {
+        let mut bound = self.clone();
+        let bind = |set: &mut TapeSet| set.constants.bind(uniforms);
+        match &mut bound {
+            Program::Map(set) => bind(set),
+            Program::Estimate(tapes) => tapes.for_each_set(bind),
+            Program::March(tapes) => {
+                bind(&mut tapes.locate);
+                bind(&mut tapes.advance);
+                tapes.estimator.for_each_set(bind);
+            }
+        }
+        bound
+    }
 }
 
 /// Tapes that share a register file, and its constants.
+#[derive(Clone)]
 pub(super) struct TapeSet {
     pub(super) tapes: Vec<Tape>,
     pub(super) constants: Constants,
     pub(super) registers: usize,
 }
 
+#[derive(Clone)]
 pub(super) struct OrbitTapes {
     pub(super) set: TapeSet,
     pub(super) state: usize,
@@ -39,11 +59,13 @@ pub(super) struct OrbitTapes {
     pub(super) max_iterations: u32,
 }
 
+#[derive(Clone)]
 pub(super) struct EstimatorTapes {
     pub(super) orbits: Vec<OrbitTapes>,
     pub(super) combine: TapeSet,
 }
 
+#[derive(Clone)]
 pub(super) struct MarchTapes {
     pub(super) estimator: EstimatorTapes,
     pub(super) locate: TapeSet,
@@ -92,6 +114,11 @@ impl EstimatorTapes {
             orbits: estimator.orbits.iter().map(|orbit| OrbitTapes::new(arena, orbit)).collect(),
             combine: TapeSet::new(arena, &[(&estimator.combine, 0)], 0),
         }
+    }
+
+    fn for_each_set(&mut self, change: impl Fn(&mut TapeSet)) {
+        self.orbits.iter_mut().for_each(|orbit| change(&mut orbit.set));
+        change(&mut self.combine);
     }
 }
 

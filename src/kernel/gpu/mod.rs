@@ -7,6 +7,7 @@
 //! then be prepared and columns be uploaded again.
 
 mod adapter;
+mod pipelines;
 mod program;
 mod slices;
 #[cfg(test)]
@@ -18,7 +19,7 @@ use std::time::Duration;
 pub use adapter::{AdapterInfoLine, AdapterWanted, adapters};
 pub use program::GpuKernel;
 
-use super::{Backend, BackendError, Batch, Kernel};
+use super::{Backend, BackendError, Batch, Compiling, Kernel};
 use crate::expr::Arena;
 
 /// Elements of a run that keep a device busy.
@@ -31,6 +32,24 @@ pub struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
     trouble: Trouble,
+    cache: pipelines::Cache,
+    dispatches: Mutex<Dispatches>,
+}
+
+/// What a device was given to do, as far as it was waited for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Dispatches {
+    /// Dispatches that were measured.
+    pub count: u64,
+    /// The longest of them.
+    pub longest: Duration,
+}
+
+impl Dispatches {
+    fn add(&mut self, took: Duration) {
+        self.count += 1;
+        self.longest = self.longest.max(took);
+    }
 }
 
 /// Columns of equal length in device memory.
@@ -82,13 +101,26 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| stored.set(backend_error(&error))));
         let stored = trouble.clone();
         device.set_device_lost_callback(move |_, text| stored.set(BackendError::DeviceLost(text)));
-        Ok(Gpu { wanted, adapter: line, device, queue, trouble })
+        Ok(Gpu {
+            wanted,
+            adapter: line,
+            device,
+            queue,
+            trouble,
+            cache: pipelines::Cache::default(),
+            dispatches: Mutex::default(),
+        })
     }
 
     /// Replaces a lost device by a new one. What was prepared or uploaded before is of no use any more.
     pub fn rebuild(&mut self) -> Result<(), BackendError> {
         *self = Gpu::new(self.wanted)?;
         Ok(())
+    }
+
+    /// Dispatches so far.
+    pub fn dispatches(&self) -> Dispatches {
+        *self.dispatches.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The adapter in use.
@@ -187,7 +219,15 @@ impl Backend for Gpu {
     }
 
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<GpuKernel, BackendError> {
-        self.scoped(|| GpuKernel::new(&self.device, arena, kernel))
+        self.scoped(|| self.with_uniforms(&self.cache.get(&self.device, arena, kernel)?, &[]))
+    }
+
+    fn bind(&self, kernel: &GpuKernel, uniforms: &[f64]) -> Result<GpuKernel, BackendError> {
+        self.scoped(|| self.with_uniforms(&kernel.pipelines, uniforms))
+    }
+
+    fn compiling(&self) -> Option<Compiling> {
+        Some(self.cache.compiling())
     }
 
     fn upload(&self, columns: &[Vec<f64>]) -> Result<GpuColumns, BackendError> {

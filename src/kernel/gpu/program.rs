@@ -1,30 +1,20 @@
-//! Kernels as pipelines, and how they run: in one dispatch (maps), in parts (estimates), or in slices (marches).
+//! How kernels run: straight-line ones in parts, marches in slices.
 
+use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::slices::{Slices, adapt};
+use super::pipelines::{Kind, Pipelines};
+use super::slices::Slice;
 use super::{Gpu, GpuColumns};
-use crate::expr::{Arena, Port};
-use crate::kernel::wgsl::{self, WORKGROUP};
-use crate::kernel::{BackendError, Kernel};
+use crate::kernel::BackendError;
+use crate::kernel::wgsl::{SAMPLED, UNIFORMS, WORKGROUP};
 
-/// A kernel as compiled pipelines.
+/// A kernel with values of its uniforms.
+#[derive(Clone)]
 pub struct GpuKernel {
-    kind: Kind,
-    layout: wgpu::BindGroupLayout,
-    inputs: usize,
-    outputs: usize,
-    slices: Slices,
-    /// Time to write, validate and compile it.
-    pub compile_time: Duration,
-    /// The part of it that parsing and validating took.
-    pub validate_time: Duration,
-}
-
-enum Kind {
-    Map(wgpu::ComputePipeline),
-    Estimates(wgpu::ComputePipeline),
-    March { start: wgpu::ComputePipeline, march: wgpu::ComputePipeline, max_march_steps: u32 },
+    pub(super) pipelines: Arc<Pipelines>,
+    /// Absent where there are no uniforms.
+    pub(super) uniforms: Option<wgpu::Buffer>,
 }
 
 /// The uniform `Call` of `shaders/prelude.wgsl`, padded to whole vectors.
@@ -39,79 +29,6 @@ struct Call {
     padding: [u32; 3],
 }
 
-impl GpuKernel {
-    /// Writes, validates and compiles a kernel. Device errors go to the caller's error scopes.
-    pub(super) fn new(device: &wgpu::Device, arena: &Arena, kernel: &Kernel) -> Result<GpuKernel, BackendError> {
-        let started = Instant::now();
-        let text = wgsl::write(arena, kernel);
-        let parsed = Instant::now();
-        let (module, _) = wgsl::validate(&text)?;
-        let validate_time = parsed.elapsed();
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module)),
-        });
-        let buffers = if matches!(kernel, Kernel::March(_)) { 5 } else { 3 };
-        let layout = bind_group_layout(device, buffers);
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            bind_group_layouts: &[Some(&layout)],
-            ..Default::default()
-        });
-        let pipeline = |entry: &str| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry),
-                layout: Some(&pipeline_layout),
-                module: &module,
-                entry_point: Some(entry),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    zero_initialize_workgroup_memory: false,
-                    ..Default::default()
-                },
-                cache: None,
-            })
-        };
-        let entries = wgsl::entry_points(kernel);
-        let kind = match kernel {
-            Kernel::Map(_) => Kind::Map(pipeline(entries[0])),
-            Kernel::Estimate(_) => Kind::Estimates(pipeline(entries[0])),
-            Kernel::March(march) => Kind::March {
-                start: pipeline(entries[0]),
-                march: pipeline(entries[1]),
-                max_march_steps: march.max_march_steps,
-            },
-        };
-        Ok(GpuKernel {
-            kind,
-            layout,
-            inputs: Port::scalars(&kernel.inputs()),
-            outputs: Port::scalars(&kernel.outputs()),
-            slices: Slices::new(),
-            compile_time: started.elapsed(),
-            validate_time,
-        })
-    }
-}
-
-/// Binding 0 is the uniform, 1 and 3 are read, 2 and 4 are written too.
-fn bind_group_layout(device: &wgpu::Device, buffers: u32) -> wgpu::BindGroupLayout {
-    let entries: Vec<wgpu::BindGroupLayoutEntry> = (0..buffers)
-        .map(|binding| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: match binding {
-                    0 => wgpu::BufferBindingType::Uniform,
-                    _ => wgpu::BufferBindingType::Storage { read_only: binding % 2 == 1 },
-                },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        })
-        .collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
-}
-
 /// Buffers of a march: two lists of running rays (count, then numbers), read and written in turns.
 struct MarchBuffers {
     lists: [wgpu::Buffer; 2],
@@ -122,10 +39,10 @@ struct MarchBuffers {
 impl Gpu {
     pub(super) fn run_kernel(&self, kernel: &GpuKernel, inputs: &[&GpuColumns]) -> Result<GpuColumns, BackendError> {
         let given: usize = inputs.iter().map(|c| c.columns).sum();
-        assert_eq!(given, kernel.inputs, "columns must match the kernel's inputs");
+        assert_eq!(given, kernel.pipelines.inputs, "columns must match the kernel's inputs");
         let len = inputs.first().map_or(0, |c| c.len);
         assert!(inputs.iter().all(|c| c.len == len), "columns must be of equal length");
-        let outputs = self.columns(kernel.outputs, len)?;
+        let outputs = self.columns(kernel.pipelines.outputs, len)?;
         if len == 0 {
             return Ok(outputs);
         }
@@ -137,14 +54,8 @@ impl Gpu {
                 &joined
             }
         };
-        match &kernel.kind {
-            Kind::Map(pipeline) => {
-                let call = self.call_buffer();
-                let group = self.bind(kernel, &[&call, &input.buffer, &outputs.buffer]);
-                let encoder = self.dispatch(pipeline, &group, &call, len, 0..len as u32, 0);
-                self.queue.submit([encoder.finish()]);
-            }
-            Kind::Estimates(pipeline) => self.run_estimates(kernel, pipeline, input, &outputs)?,
+        match &kernel.pipelines.kind {
+            Kind::Straight(pipeline) => self.run_parts(kernel, pipeline, input, &outputs)?,
             Kind::March { start, march, max_march_steps } => {
                 self.run_march(kernel, [start, march], *max_march_steps, input, &outputs)?;
             }
@@ -167,23 +78,48 @@ impl Gpu {
     }
 
     fn call_buffer(&self) -> wgpu::Buffer {
+        self.uniform_buffer(size_of::<Call>() as u64)
+    }
+
+    fn uniform_buffer(&self, size: u64) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: None,
-            size: size_of::<Call>() as u64,
+            size,
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         })
+    }
+
+    /// Compiled pipelines with values of their uniforms; those that the list lacks are 0.
+    pub(super) fn with_uniforms(&self, pipelines: &Arc<Pipelines>, values: &[f64]) -> Result<GpuKernel, BackendError> {
+        // The uniforms of a buffer are whole vectors to some drivers.
+        let padded = pipelines.uniforms.next_multiple_of(4);
+        let bytes = (padded * size_of::<f32>()) as u64;
+        let most = self.device.limits().max_uniform_buffer_binding_size;
+        if bytes > most {
+            return Err(BackendError::OutOfMemory(format!("{bytes} bytes of uniforms, and {most} is the most")));
+        }
+        let uniforms = (padded > 0).then(|| {
+            let mut numbers: Vec<f32> = values.iter().take(pipelines.uniforms).map(|&x| x as f32).collect();
+            numbers.resize(padded, 0.0);
+            let buffer = self.uniform_buffer(bytes);
+            self.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&numbers));
+            buffer
+        });
+        Ok(GpuKernel { pipelines: pipelines.clone(), uniforms })
     }
 
     fn bind(&self, kernel: &GpuKernel, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
         let entries: Vec<wgpu::BindGroupEntry> = buffers
             .iter()
             .enumerate()
-            .map(|(i, buffer)| wgpu::BindGroupEntry { binding: i as u32, resource: buffer.as_entire_binding() })
+            .map(|(i, buffer)| (i as u32, *buffer))
+            .chain(kernel.uniforms.iter().map(|buffer| (UNIFORMS, buffer)))
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
             .collect();
         self.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
-            layout: &kernel.layout,
+            layout: &kernel.pipelines.layout,
             entries: &entries,
         })
     }
@@ -213,8 +149,8 @@ impl Gpu {
         encoder
     }
 
-    /// Estimates in parts, each waited for and measured.
-    fn run_estimates(
+    /// Elements in parts, each waited for and measured; all at once, and unmeasured, where that is short for certain.
+    fn run_parts(
         &self,
         kernel: &GpuKernel,
         pipeline: &wgpu::ComputePipeline,
@@ -223,18 +159,31 @@ impl Gpu {
     ) -> Result<(), BackendError> {
         let call = self.call_buffer();
         let group = self.bind(kernel, &[&call, &input.buffer, &outputs.buffer]);
-        self.wait()?;
+        let slices = &kernel.pipelines.slices;
         let (mut first, len) = (0, input.len as u32);
+        if len <= slices.elements() / 2 {
+            let encoder = self.dispatch(pipeline, &group, &call, input.len, 0..len, 0);
+            self.queue.submit([encoder.finish()]);
+            return Ok(());
+        }
+        self.wait()?;
         while first < len {
-            let end = len.min(first.saturating_add(kernel.slices.elements()));
+            let end = len.min(first.saturating_add(slices.elements()));
             let start = Instant::now();
             let encoder = self.dispatch(pipeline, &group, &call, input.len, first..end, 0);
             self.queue.submit([encoder.finish()]);
             self.wait()?;
-            kernel.slices.learn_elements(end - first, start.elapsed());
+            slices.learn(end - first, self.took(start));
             first = end;
         }
         Ok(())
+    }
+
+    /// Time since a dispatch was begun that has just ended.
+    fn took(&self, start: Instant) -> Duration {
+        let took = start.elapsed();
+        self.dispatches.lock().unwrap_or_else(PoisonError::into_inner).add(took);
+        took
     }
 
     /// Marches in slices until no ray runs or steps have run out. Twin: `run_march` in `kernel/cpu.rs`.
@@ -250,20 +199,14 @@ impl Gpu {
         let (n, mut read) = (input.len, 1);
         let encoder = self.dispatch(start, &buffers.groups[read], &buffers.call, n, 0..n as u32, 0);
         read = 1 - read;
-        let mut running = self.read_back(encoder, &buffers.lists[read], 4, read_count)?;
-        let (mut done, mut slice) = (0, kernel.slices.first());
+        let [mut running, _] = self.read_back(encoder, &buffers.lists[read], 8, read_counts)?;
+        let (mut done, mut step) = (0, Duration::ZERO);
         while running > 0 && done < max_march_steps {
-            slice = slice.clamp(1, max_march_steps - done);
-            let (still_running, longest) = self.run_slice(kernel, march, &buffers, read, (n, running, slice))?;
-            if done == 0 {
-                kernel.slices.learn_first(slice, longest);
-            }
-            if slice == 1 {
-                kernel.slices.learn_elements(running, longest);
-            }
-            done += slice;
-            slice = adapt(slice, longest);
-            running = still_running;
+            let slice = kernel.pipelines.slices.slice(running, max_march_steps - done, step);
+            let longest;
+            (running, longest) = self.run_slice(kernel, march, &buffers, read, (n, running, slice))?;
+            step = longest / slice.steps;
+            done += slice.steps;
             read = 1 - read;
         }
         Ok(())
@@ -275,7 +218,7 @@ impl Gpu {
         input: &GpuColumns,
         outputs: &GpuColumns,
     ) -> Result<MarchBuffers, BackendError> {
-        let bytes = ((input.len + 1) * size_of::<u32>()) as u64;
+        let bytes = ((input.len + 2) * size_of::<u32>()) as u64;
         let lists = [self.storage(bytes)?, self.storage(bytes)?];
         let call = self.call_buffer();
         let groups = [0, 1]
@@ -291,23 +234,26 @@ impl Gpu {
         march: &wgpu::ComputePipeline,
         buffers: &MarchBuffers,
         read: usize,
-        (n, running, slice): (usize, u32, u32),
+        (n, running, slice): (usize, u32, Slice),
     ) -> Result<(u32, Duration), BackendError> {
         let written = &buffers.lists[1 - read];
-        self.queue.write_buffer(written, 0, &0u32.to_le_bytes());
-        let (mut first, mut still_running, mut longest) = (0, 0, Duration::ZERO);
+        self.queue.write_buffer(written, 0, &[0; 8]);
+        let slices = &kernel.pipelines.slices;
+        let (mut first, mut still_running, mut worked, mut longest) = (0, 0, 0, Duration::ZERO);
         while first < running {
-            let end = running.min(first.saturating_add(kernel.slices.elements()));
+            let end = running.min(first.saturating_add(slice.rays));
             let start = Instant::now();
-            let encoder = self.dispatch(march, &buffers.groups[read], &buffers.call, n, first..end, slice);
-            still_running = self.read_back(encoder, written, 4, read_count)?;
-            longest = longest.max(start.elapsed());
-            first = end;
+            let encoder = self.dispatch(march, &buffers.groups[read], &buffers.call, n, first..end, slice.steps);
+            let [count, work] = self.read_back(encoder, written, 8, read_counts)?;
+            let took = self.took(start);
+            slices.learn(work.wrapping_sub(worked).saturating_mul(SAMPLED), took);
+            (first, still_running, worked, longest) = (end, count, work, longest.max(took));
         }
         Ok((still_running, longest))
     }
 }
 
-fn read_count(bytes: &[u8]) -> u32 {
-    bytes.first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes))
+/// How many rays still run, and the estimates that were counted.
+fn read_counts(bytes: &[u8]) -> [u32; 2] {
+    bytes.first_chunk::<8>().map_or([0; 2], |bytes| bytemuck::cast(*bytes))
 }

@@ -1,70 +1,96 @@
-//! How much work one dispatch gets: adapted to measured time, so that a picture on a slow device still appears in parts
-//! that no driver takes for a hang, and a fast device is not kept waiting.
+//! How much work one dispatch gets: chosen by the measured time of those before it, so that no driver takes a dispatch for a
+//! hang, a picture on a slow device appears in parts, and a fast device is not kept waiting.
+//!
+//! Work is counted in estimates: an element's, or one step of a ray. A kernel's first dispatch is as small as any; each may be
+//! [`GROWTH`] times as large as the largest so far, as long as the price that was measured leaves it within [`TARGET`].
+//! Most rays of a slice end before its last step. So a slice may hold [`MARGIN`] times as many steps as would fit if none
+//! did, and then still ends before [`TOO_LONG`].
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// A dispatch that takes less gets more work next time.
-const SHORT: Duration = Duration::from_millis(20);
-/// A dispatch that takes more gets less.
-const LONG: Duration = Duration::from_millis(50);
-/// A dispatch of a single step that takes more gets fewer elements.
+/// Time that a dispatch should take.
+const TARGET: Duration = Duration::from_millis(12);
+/// No dispatch should take more.
 const TOO_LONG: Duration = Duration::from_millis(100);
-/// Elements that are never cut further: a few workgroups.
+/// How much longer than expected a dispatch may take and still end in time.
+const MARGIN: f64 = 8.0;
+/// Least work of a dispatch, and of the first: a few workgroups.
 const FEWEST: u32 = 256;
-/// Most steps of the first slice. Rays that are done wait for the others of their slice, so it stays short; later slices
-/// hold only rays that still run.
-const LONGEST_FIRST: u32 = 32;
+/// Most work of a dispatch.
+const MOST: f64 = (1 << 26) as f64;
+/// How much more work than the largest dispatch so far one may get.
+const GROWTH: f64 = 8.0;
+/// What is left of a price when the next one is lower: dear parts of a picture come again.
+const MEMORY: f64 = 0.8;
+/// Steps of a slice that most rays end within. Shorter ones cost more in lists than they save in waiting for the longest
+/// rays.
+const STEPS: f64 = 64.0;
+/// Elements that a device takes at the same time: it is not cut into parts of fewer to get longer slices.
+const PARALLEL: f64 = 4096.0;
 
 /// What has been learnt about a kernel; kept from call to call.
 #[derive(Debug)]
-pub(super) struct Slices {
-    /// March steps of a run's first dispatch.
-    first: AtomicU32,
-    /// Most elements of a dispatch.
-    elements: AtomicU32,
+pub(super) struct Slices(Mutex<Learnt>);
+
+#[derive(Clone, Copy, Debug)]
+struct Learnt {
+    /// Most work that one dispatch has done.
+    largest: f64,
+    /// Seconds for a unit of work, where it is dear; 0 before anything is known.
+    price: f64,
+}
+
+/// A part of a march: how many rays a dispatch takes, and how many steps each goes at most.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub(super) struct Slice {
+    pub(super) rays: u32,
+    pub(super) steps: u32,
+}
+
+impl Learnt {
+    /// Work that takes the target time.
+    fn allowed(&self) -> f64 {
+        let affordable = if self.price > 0.0 { TARGET.as_secs_f64() / self.price } else { 0.0 };
+        affordable.min(self.largest * GROWTH).clamp(f64::from(FEWEST), MOST)
+    }
 }
 
 impl Slices {
     pub(super) fn new() -> Slices {
-        Slices { first: AtomicU32::new(4), elements: AtomicU32::new(1 << 16) }
+        Slices(Mutex::new(Learnt { largest: 0.0, price: 0.0 }))
     }
 
-    /// March steps of a run's first dispatch.
-    pub(super) fn first(&self) -> u32 {
-        self.first.load(Ordering::Relaxed)
+    fn learnt(&self) -> MutexGuard<'_, Learnt> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Most elements of a dispatch.
+    /// Most elements of a dispatch that makes one estimate for each.
     pub(super) fn elements(&self) -> u32 {
-        self.elements.load(Ordering::Relaxed)
+        self.learnt().allowed() as u32
     }
 
-    /// Learns from the first dispatch of a march.
-    pub(super) fn learn_first(&self, slice: u32, took: Duration) {
-        self.first.store(adapt(slice, took).min(LONGEST_FIRST), Ordering::Relaxed);
+    /// The next slice of a march in which `running` rays have up to `left` steps to go. `step` is the time that one step
+    /// of a ray takes at most, however few there are; 0 where that is not known.
+    pub(super) fn slice(&self, running: u32, left: u32, step: Duration) -> Slice {
+        let most = self.learnt().allowed() * MARGIN;
+        let wanted = (most / f64::from(running)).max(STEPS).min(most / PARALLEL);
+        let in_time = if step.is_zero() { wanted } else { (TOO_LONG / 2).as_secs_f64() / step.as_secs_f64() };
+        let steps = wanted.min(in_time).clamp(1.0, f64::from(left));
+        Slice { rays: ((most / steps) as u32).clamp(FEWEST, running.max(FEWEST)), steps: steps as u32 }
     }
 
-    /// Learns how many elements a dispatch may have from one of `elements` that could not be made shorter otherwise, and
-    /// took `took`.
-    pub(super) fn learn_elements(&self, elements: u32, took: Duration) {
-        let now = self.elements();
-        if took > TOO_LONG {
-            self.elements.store((elements.min(now) / 2).max(FEWEST), Ordering::Relaxed);
-        } else if took < SHORT && elements >= now {
-            self.elements.store(now.saturating_mul(2).min(1 << 22), Ordering::Relaxed);
+    /// Learns from a dispatch that made `work` estimates. Those of little work say more about the way to the device and the
+    /// last few rays than about the kernel, unless they took too long.
+    pub(super) fn learn(&self, work: u32, took: Duration) {
+        let mut learnt = self.learnt();
+        let work = f64::from(work.max(1));
+        if work * 4.0 >= learnt.allowed() || took > TOO_LONG {
+            // The largest says most: the way to the device has the smallest part in it.
+            let remembered = if work > learnt.largest { 0.0 } else { learnt.price * MEMORY };
+            learnt.price = (took.as_secs_f64() / work).max(remembered);
+            learnt.largest = if took > TOO_LONG { work / 2.0 } else { learnt.largest.max(work) };
         }
-    }
-}
-
-/// The next slice after one of `slice` steps took `took`.
-pub(super) fn adapt(slice: u32, took: Duration) -> u32 {
-    if took < SHORT {
-        slice.saturating_mul(2)
-    } else if took > LONG {
-        (slice / 2).max(1)
-    } else {
-        slice
     }
 }
 
@@ -72,21 +98,61 @@ pub(super) fn adapt(slice: u32, took: Duration) -> u32 {
 mod tests {
     use super::*;
 
-    #[test]
-    fn slices_follow_measured_time() {
-        let (short, good, long) = (Duration::from_millis(1), Duration::from_millis(30), Duration::from_millis(70));
-        assert_eq!([short, good, long].map(|took| adapt(8, took)), [16, 8, 4]);
-        assert_eq!(adapt(1, long), 1);
+    /// Dispatches estimates on a device that takes `price` seconds for one and as much as 100 more for each dispatch. Gives the
+    /// longest dispatch, and how many there were.
+    fn simulate(slices: &Slices, elements: u32, price: f64) -> (Duration, usize) {
+        let (mut left, mut longest, mut count) = (elements, Duration::ZERO, 0);
+        while left > 0 {
+            let part = slices.elements().min(left);
+            let took = Duration::from_secs_f64((f64::from(part) + 100.0) * price);
+            slices.learn(part, took);
+            (left, longest, count) = (left - part, longest.max(took), count + 1);
+        }
+        (longest, count)
     }
 
     #[test]
-    fn a_single_step_that_takes_long_gets_fewer_elements() {
-        let slices = Slices::new();
-        slices.learn_elements(1 << 16, Duration::from_millis(300));
-        assert_eq!(slices.elements(), 1 << 15);
-        for _ in 0..20 {
-            slices.learn_elements(1 << 16, Duration::from_millis(300));
+    fn no_dispatch_is_long_on_fast_and_slow_devices() {
+        for price in [1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4] {
+            let slices = Slices::new();
+            let (longest, _) = simulate(&slices, 1 << 17, price);
+            assert!(longest < TOO_LONG, "{price}: {longest:?}");
+            // A part of the picture where everything is eight times as dear; 256 elements are never cut.
+            let (longest, _) = simulate(&slices, 1 << 14, price * 8.0);
+            assert!(longest <= TOO_LONG || price > 4e-5, "{price}: {longest:?}");
         }
-        assert_eq!(slices.elements(), FEWEST);
+    }
+
+    #[test]
+    fn a_fast_device_soon_gets_all_at_once() {
+        let slices = Slices::new();
+        let (_, count) = simulate(&slices, 1 << 20, 1e-9);
+        assert!(count <= 6, "{count}");
+        assert_eq!(simulate(&slices, 1 << 20, 1e-9).1, 1);
+    }
+
+    #[test]
+    fn the_way_to_the_device_is_no_price_of_the_kernel() {
+        let slices = Slices::new();
+        for _ in 0..8 {
+            slices.learn(slices.elements(), Duration::from_millis(1));
+        }
+        assert!(slices.elements() > 1 << 22, "{}", slices.elements());
+    }
+
+    #[test]
+    fn slices_go_on_for_as_long_as_most_rays_and_end_in_time() {
+        let slices = Slices::new();
+        // At first nothing is known.
+        assert_eq!(slices.slice(1 << 16, 1000, Duration::ZERO), Slice { rays: 2048, steps: 1 });
+        // A million estimates in the target time: eight million, if all rays go to the end, still in less than 100 ms.
+        simulate(&slices, 1 << 24, 12e-9);
+        let Slice { rays, steps } = slices.slice(1 << 16, 1000, Duration::ZERO);
+        assert!(rays > 60_000 && (110..=130).contains(&steps), "{rays} x {steps}");
+        // Few rays may go to their end, unless a single step takes long.
+        assert_eq!(slices.slice(300, 800, Duration::ZERO), Slice { rays: 300, steps: 800 });
+        assert_eq!(slices.slice(300, 800, Duration::from_millis(1)).steps, 50);
+        // So may many, in parts.
+        assert!(slices.slice(1 << 22, 1000, Duration::ZERO).steps >= STEPS as u32);
     }
 }

@@ -266,6 +266,51 @@ fn estimates_agree_with_the_cpu() {
     }
 }
 
+#[test]
+fn a_slow_formula_is_dispatched_in_small_parts() {
+    let Some(gpu) = gpu() else { return };
+    let arena = Arena::default();
+    // Never escapes, so that all of the iterations are made.
+    let mut estimator = scheduled(&arena, Schedule { prefix: vec![], cycle: vec![0] }, 1, 20_000);
+    for item in &mut estimator.orbits[0].items {
+        let z = arena.input(0, Type::F);
+        let slow = (0..20).fold(z, |z, _| z.sin().cos());
+        item.outputs[0].1 = slow.id;
+        item.outputs[1].1 = slow.lt(arena.f(-2.0)).id;
+    }
+    let points: Vec<[f64; 3]> = (0..4000).map(|i| [f64::from(i) * 0.01, 0.0, 0.0]).collect();
+    let columns = Estimator::columns(&points, &[[1.0, 0.0, 0.0]], &[0.0], 0.0);
+    let before = gpu.dispatches();
+    let got = run(&gpu, &arena, &Kernel::Estimate(estimator), &columns);
+    assert!(got[2].iter().all(|&n| n == 20_000.0));
+    let dispatches = gpu.dispatches();
+    println!("{dispatches:?}");
+    // On any device: the first is as small as can be, and none is larger than eight times the largest before it.
+    assert!(dispatches.count - before.count >= 2, "{dispatches:?}");
+    assert!(dispatches.longest.as_secs() < 20, "{dispatches:?}");
+}
+
+#[test]
+fn equal_kernels_are_compiled_once_and_uniforms_compile_nothing() {
+    let Some(gpu) = gpu() else { return };
+    let arena = Arena::default();
+    let kernel = || {
+        let mut function = Function::new("scaled", vec![Port::new("x", Type::F)]);
+        function.output("y", arena.input(0, Type::F) * arena.uniform(0) + arena.uniform(1));
+        Kernel::Map(function)
+    };
+    let first = gpu.prepare(&arena, &kernel()).expect("a legal kernel");
+    let _ = gpu.prepare(&arena, &kernel()).expect("a legal kernel");
+    let columns = gpu.upload(&[vec![1.0, 2.0]]).expect("little memory");
+    for (uniforms, expected) in [([2.0, 0.5], [2.5, 4.5]), ([-1.0, 0.0], [-1.0, -2.0])] {
+        let bound = gpu.bind(&first, &uniforms).expect("uniforms bind");
+        let result = gpu.run(&bound, &[&columns]).and_then(|c| gpu.download(&c)).expect("it runs");
+        assert_eq!(result, [expected]);
+    }
+    let compiling = gpu.compiling().expect("the GPU keeps account");
+    assert_eq!((compiling.kernels, compiling.compiled), (2, 1));
+}
+
 /// Times for the record: `cargo test --release --lib measure -- --ignored --nocapture --test-threads 1`.
 #[test]
 #[ignore = "measures, checks nothing"]
@@ -279,15 +324,15 @@ fn measure() {
             let start = Instant::now();
             let text = crate::kernel::wgsl::write(&arena, kernel);
             let written = start.elapsed();
-            match gpu.prepare(&arena, kernel) {
-                Ok(p) => println!(
-                    "{name} {kernel_name}: {} bytes, write {written:?}, naga {:?}, all {:?}",
-                    text.len(),
-                    p.validate_time,
-                    p.compile_time
-                ),
-                Err(error) => panic!("{error}"),
-            }
+            let before = gpu.cache.compiling();
+            gpu.prepare(&arena, kernel).unwrap_or_else(|error| panic!("{error}"));
+            let after = gpu.cache.compiling();
+            println!(
+                "{name} {kernel_name}: {} bytes, write {written:?}, own work {:?}, driver {:?}",
+                text.len(),
+                after.own - before.own,
+                after.driver - before.driver
+            );
         }
         let measured = measure_render(&gpu, &arena, &pipeline, &settings);
         println!("{name} gpu: {measured}");

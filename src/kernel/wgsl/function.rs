@@ -108,7 +108,7 @@ impl<'a> Writer<'a> {
             let mut text = self.text_of(id);
             let shared = self.uses.get(&id).copied().unwrap_or(0) > 1;
             let cheap = match node.op {
-                Op::Const(_) | Op::Input(_) => true,
+                Op::Const(_) | Op::Input(_) | Op::Uniform(_) => true,
                 Op::Extract(_) => text.text.len() < 40,
                 _ => false,
             };
@@ -126,6 +126,7 @@ impl<'a> Writer<'a> {
         let word = match self.arena.node(id).op {
             Op::Const(_) => "value",
             Op::Input(_) => "input",
+            Op::Uniform(_) => "uniform",
             Op::Compose | Op::Splat => "vector",
             Op::Extract(_) => "part",
             Op::Dot => "dot",
@@ -156,6 +157,7 @@ impl<'a> Writer<'a> {
                 atom(constant(node.ty, components))
             }
             Op::Input(number) => atom(self.parameters[usize::from(number)].clone()),
+            Op::Uniform(number) => atom(format!("uniforms.u{number}")),
             Op::Compose => {
                 let parts: Vec<String> = args.iter().map(|&a| self.coerced(a, node.ty.with_width(1)).text).collect();
                 atom(format!("{}({})", node.ty.wgsl(), parts.join(", ")))

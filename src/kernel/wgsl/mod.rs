@@ -32,6 +32,10 @@ use crate::graph::Schedule;
 
 /// Invocations in a workgroup.
 pub const WORKGROUP: u32 = 64;
+/// One invocation of so many counts its estimates, which the others are taken to make too: counting costs time.
+pub const SAMPLED: u32 = 16;
+/// Binding of a kernel's uniforms.
+pub const UNIFORMS: u32 = 5;
 
 /// The module of a kernel. Its entry point is [`entry_points`]' last; columns are bound as `shaders/prelude.wgsl` says.
 pub fn write(arena: &Arena, kernel: &Kernel) -> String {
@@ -43,6 +47,7 @@ pub fn write(arena: &Arena, kernel: &Kernel) -> String {
     }
     let mut text = include_str!("../../../shaders/prelude.wgsl").to_string();
     text.push('\n');
+    write_uniforms(&mut text, kernel.uniforms(arena));
     write_helpers(&mut text, &writer.helpers);
     text.push_str(&writer.body);
     text
@@ -86,6 +91,15 @@ fn fill(template: &str, slots: &[(&str, String)]) -> String {
     }
     text.push_str(rest);
     text
+}
+
+/// Writes the list of the kernel's uniforms, where it has any.
+fn write_uniforms(text: &mut String, count: usize) {
+    if count > 0 {
+        let ports: Vec<Port> = (0..count).map(|number| Port::new(format!("u{number}"), Type::F)).collect();
+        write_struct(text, "Uniforms", &ports);
+        let _ = writeln!(text, "@group(0) @binding({UNIFORMS}) var<uniform> uniforms: Uniforms;\n");
+    }
 }
 
 /// Writes the helpers that are used, and those that they use.
@@ -139,6 +153,7 @@ impl Module<'_> {
     fn template(&mut self, template: &str, slots: &[(&str, String)]) {
         let mut slots = slots.to_vec();
         slots.push(("WORKGROUP", WORKGROUP.to_string()));
+        slots.push(("SAMPLED", SAMPLED.to_string()));
         self.body.push_str(&fill(template, &slots));
         self.body.push('\n');
     }

@@ -7,6 +7,7 @@ const TAKEN: &[&str] = &[
     "Call",
     "Estimate",
     "Running",
+    "Uniforms",
     "abs",
     "acos",
     "asin",
@@ -49,6 +50,7 @@ const TAKEN: &[&str] = &[
     "state",
     "store",
     "u32",
+    "uniforms",
     "vec3",
     "vec4",
 ];

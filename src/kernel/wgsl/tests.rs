@@ -1,5 +1,6 @@
 //! Every kernel of the built-in formulas is legal WGSL, and so are the corners of the language.
 
+use std::collections::HashMap;
 use std::rc::Rc;
 
 use super::{validate, write};
@@ -134,6 +135,50 @@ fn a_small_change_stays_small() {
     let (one, two) = (text(2.0), text(3.0));
     let different = one.lines().zip(two.lines()).filter(|(a, b)| a != b).count();
     assert_eq!(different, 2, "the changed line and its use:\n{one}\n{two}");
+}
+
+/// The kernels of a built-in fractal by name, with parts of it set.
+fn texts(name: &str, set: &[(&str, &str)], method: Method) -> HashMap<&'static str, String> {
+    let (mut library, mut d) = (Library::builtin(), Diagnostics::default());
+    let set: Vec<(String, String)> = set.iter().map(|(path, value)| (path.to_string(), value.to_string())).collect();
+    let loaded = crate::load::load(&mut library, name, &set, &mut d);
+    let graph = loaded.unwrap_or_else(|| panic!("{}", d.render(&library.sources, false))).graph;
+    let arena = Rc::new(Arena::default());
+    let composer = Composer { arena: &arena, library: &library, graph: &graph };
+    let estimate = EstimateSettings { method: Some(method), ..Default::default() };
+    let settings = RenderSettings { estimate, ..Default::default() };
+    let pipeline = compose_pipeline(&composer, &settings).unwrap_or_else(|_| panic!("{name} composes"));
+    pipeline.kernels().into_iter().map(|(name, kernel)| (name, write(&arena, kernel))).collect()
+}
+
+#[test]
+fn what_is_off_leaves_no_line() {
+    let plain = texts("mandelbulb", &[], Method::Scalar);
+    let julia = texts("mandelbulb", &[("constant", "Julia((0.3, 0.1, -0.2))")], Method::Scalar);
+    // The "+1" of the running derivative, and the start point as the constant.
+    let state = |texts: &HashMap<&str, String>| {
+        let line = texts["march"].lines().find(|line| line.contains("return orbit_0_state("));
+        line.expect("an iteration ends so").to_string()
+    };
+    assert!(state(&plain).contains("1.0f + ("), "{}", state(&plain));
+    assert!(!state(&julia).contains("1.0f + "), "{}", state(&julia));
+    assert!(plain["march"].contains("c: vec3<f32>") && !julia["march"].contains("c: vec3<f32>"), "{}", julia["march"]);
+    // Orbit traps and derivatives belong to surfaces only, and no kernel has uniforms or helpers that it does not read.
+    assert!(plain["surface"].contains("trap") && !plain["march"].contains("trap"));
+    assert!(!plain["march"].contains("j_x"), "a scalar rule carries no Jacobian");
+    let helpers = ["Uniforms", "bf_pow", "bf_atan2", "bf_mod", "atan2(", "switch"];
+    // Encoding takes a power of its own.
+    for text in plain.iter().filter(|(name, _)| **name != "encode").map(|(_, text)| text) {
+        assert!(helpers.iter().all(|helper| !text.contains(helper)), "{text}");
+    }
+    // A fractional power is what the helpers are for.
+    assert!(texts("mandelbulb", &[("power", "7.5")], Method::Scalar)["march"].contains("bf_atan2"));
+    let dark = texts("mandelbulb", &[("look", "(shadows: false, fog: 0.0)")], Method::Scalar);
+    let light = texts("mandelbulb", &[("look", "(shadows: true, fog: 0.3)")], Method::Scalar);
+    assert!(light.contains_key("shadow_ray") && !dark.contains_key("shadow_ray"));
+    assert!(light["colour"].contains("shadow") && !dark["colour"].contains("shadow"), "{}", dark["colour"]);
+    let exponentials = |texts: &HashMap<&str, String>| texts["colour"].matches("exp(").count();
+    assert_eq!(exponentials(&light), exponentials(&dark) + 1, "that of the fog");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Machine code for AVX-512: instructions over numbered registers and a frame of vectors, and the memory that holds them.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use iced_x86::Code::*;
 use iced_x86::{BlockEncoder, BlockEncoderOptions, Code, Instruction, InstructionBlock, MemoryOperand, Register};
@@ -71,6 +72,8 @@ pub(super) struct Assembler {
     /// Numbers and tables, in words of four bytes.
     pool: Vec<u32>,
     pooled: HashMap<u64, u16>,
+    /// Places of the uniforms in the pool, by number.
+    uniforms: BTreeMap<u16, u16>,
 }
 
 fn vector(number: u8) -> Register {
@@ -96,7 +99,7 @@ const VALID: &str = "operands fit the instruction";
 impl Assembler {
     pub(super) fn new(precision: Precision) -> Assembler {
         let (instructions, pool, pooled) = (Vec::new(), Vec::new(), HashMap::new());
-        Assembler { precision, instructions, labels: 0, here: 0, pool, pooled }
+        Assembler { precision, instructions, labels: 0, here: 0, pool, pooled, uniforms: BTreeMap::new() }
     }
 
     /// The form of an instruction for the precision.
@@ -115,6 +118,16 @@ impl Assembler {
             if self.precision == Precision::F64 {
                 self.pool.push((bits >> 32) as u32);
             }
+            next
+        })
+    }
+
+    /// The pool's place of a uniform.
+    pub(super) fn uniform(&mut self, number: u16) -> u16 {
+        let next = self.pool.len() as u16;
+        let words = if self.precision == Precision::F64 { 2 } else { 1 };
+        *self.uniforms.entry(number).or_insert_with(|| {
+            self.pool.resize(usize::from(next) + words, 0);
             next
         })
     }
@@ -458,7 +471,8 @@ impl Assembler {
         let bytes = BlockEncoder::encode(64, block, BlockEncoderOptions::NONE).ok()?.code_buffer;
         let mut memory = MmapMut::map_anon(bytes.len()).ok()?;
         memory.copy_from_slice(&bytes);
-        Some(MachineCode { memory: memory.make_exec().ok()?, constants: self.pool })
+        let memory = Arc::new(memory.make_exec().ok()?);
+        Some(MachineCode { memory, constants: self.pool, uniforms: self.uniforms })
     }
 }
 
@@ -468,13 +482,30 @@ const SAVED: [Register; 5] = [Register::RBX, Register::R12, Register::R13, Regis
 /// A function of the maths kit over the vectors at an address: two arguments, then two results.
 pub(super) type Function = unsafe extern "sysv64" fn(*mut u8);
 
-/// Executable code and its constants.
+/// Executable code, its constants, and the places of uniforms among them.
+#[derive(Clone)]
 pub(super) struct MachineCode {
-    memory: Mmap,
+    memory: Arc<Mmap>,
     constants: Vec<u32>,
+    uniforms: BTreeMap<u16, u16>,
 }
 
 impl MachineCode {
+    /// Gives the uniforms their values, by number.
+    pub(super) fn bind(&mut self, values: &[f64], precision: Precision) {
+        for (&number, &place) in &self.uniforms {
+            let Some(&value) = values.get(usize::from(number)) else { continue };
+            let place = usize::from(place);
+            match precision {
+                Precision::F32 => self.constants[place] = (value as f32).to_bits(),
+                Precision::F64 => {
+                    self.constants[place] = value.to_bits() as u32;
+                    self.constants[place + 1] = (value.to_bits() >> 32) as u32;
+                }
+            }
+        }
+    }
+
     /// Runs the code on a frame; marches go on while at least `wanted` lanes run.
     ///
     /// # Safety

@@ -24,7 +24,7 @@ impl Segment {
     pub(super) fn copies(&self, count: usize) -> Segment {
         let mut copied = Segment { operations: Vec::new(), outputs: Vec::new(), activity: Vec::new() };
         let mut numbers = vec![vec![0; self.operations.len()]; count];
-        let mut constants = HashMap::new();
+        let mut shared = HashMap::new();
         let mut copy_operation = |i: usize, copy: usize, numbers: &mut [Value], operations: &mut Vec<Operation>| {
             let operation = match self.operations[i] {
                 Operation::Read(place) => Operation::Read(place_of(place, copy)),
@@ -32,7 +32,8 @@ impl Segment {
             };
             let next = operations.len() as Value;
             numbers[i] = match operation {
-                Operation::Constant(bits) => *constants.entry(bits).or_insert(next),
+                // What all copies have in common is there once.
+                Operation::Constant(_) | Operation::Uniform(_) => *shared.entry(operation).or_insert(next),
                 _ => next,
             };
             if numbers[i] == next {

@@ -94,6 +94,9 @@ impl<'a> Emitter<'a> {
                 Operation::Constant(bits) => {
                     emitter.memory[i] = Some(Source::Constant(emitter.assembler.constant(bits)));
                 }
+                Operation::Uniform(number) => {
+                    emitter.memory[i] = Some(Source::Constant(emitter.assembler.uniform(number)));
+                }
                 Operation::Read(Place::Slot(slot)) => emitter.memory[i] = Some(Source::Slot(slot)),
                 Operation::Read(Place::Register(register)) => {
                     emitter.home[i] = Some(register);
@@ -245,7 +248,7 @@ impl<'a> Emitter<'a> {
 
     fn operation(&mut self, value: Value, operation: Operation) {
         match operation {
-            Operation::Constant(_) | Operation::Read(_) => {}
+            Operation::Constant(_) | Operation::Uniform(_) | Operation::Read(_) => {}
             Operation::Unary(unary, a) => {
                 let dst = match unary {
                     Unary::Neg | Unary::Abs => {

@@ -74,6 +74,9 @@ fn read_all<'a>(recorder: &'a Recorder, places: &[Place]) -> Numbers<'a> {
 
 fn run_tape<'a>(recorder: &'a Recorder, set: &TapeSet, tape: &Tape, inputs: &[Traced<'a>]) -> Numbers<'a> {
     let mut registers = set.register_file::<Traced, 1>(recorder);
+    for (number, register) in set.constants.uniforms() {
+        registers[register as usize] = [recorder.uniform(number)];
+    }
     for (value, &register) in inputs.iter().zip(&tape.inputs) {
         registers[register as usize] = [*value];
     }

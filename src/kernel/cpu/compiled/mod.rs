@@ -25,6 +25,7 @@ use crate::kernel::cpu::march::{RAY, STATUS, STEPS, start_of};
 pub(super) struct Vector<T, const LANES: usize>([T; LANES]);
 
 /// A kernel as machine code.
+#[derive(Clone)]
 pub(super) struct Compiled {
     precision: Precision,
     /// Vectors in step.
@@ -36,6 +37,7 @@ pub(super) struct Compiled {
 }
 
 /// Where a kernel's columns lie in the frame: one behind the other, each as many vectors as there are in step.
+#[derive(Clone)]
 struct Columns {
     /// First vector of the inputs.
     inputs: usize,
@@ -64,6 +66,13 @@ impl<T: Element, const LANES: usize> Frame<T, LANES> {
 }
 
 impl Compiled {
+    /// The same code with these values of its uniforms.
+    pub(super) fn bind(&self, uniforms: &[f64]) -> Compiled {
+        let mut bound = self.clone();
+        bound.code.bind(uniforms, self.precision);
+        bound
+    }
+
     /// Runs the kernel on columns. `T` and `LANES` must be those that it was compiled for.
     pub(super) fn run<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
         assert_eq!(T::PRECISION, self.precision);

@@ -31,6 +31,8 @@ pub(super) enum Place {
 pub(super) enum Operation {
     /// The bits of a number, in all lanes.
     Constant(u64),
+    /// The uniform of this number, in all lanes.
+    Uniform(u16),
     Read(Place),
     Unary(Unary, Value),
     Binary(Binary, Value, Value),
@@ -121,7 +123,7 @@ impl Operation {
     pub(super) fn sources(self) -> impl Iterator<Item = Value> {
         use Operation::*;
         let list = match self {
-            Constant(_) | Read(_) => [None; 3],
+            Constant(_) | Uniform(_) | Read(_) => [None; 3],
             Unary(_, a) | FromMask(a) | MaskNot(a) | Second(a) => [Some(a), None, None],
             Binary(_, a, b) | Compare(_, a, b) | MaskAnd(a, b) | MaskOr(a, b) | Call(_, a, b) => {
                 [Some(a), Some(b), None]
@@ -135,7 +137,7 @@ impl Operation {
     pub(super) fn with_sources(self, to: impl Fn(Value) -> Value) -> Operation {
         use Operation::*;
         match self {
-            Constant(_) | Read(_) => self,
+            Constant(_) | Uniform(_) | Read(_) => self,
             Unary(unary, a) => Unary(unary, to(a)),
             FromMask(a) => FromMask(to(a)),
             MaskNot(a) => MaskNot(to(a)),
@@ -183,6 +185,11 @@ impl Recorder {
     /// A number that is somewhere when the segment starts.
     pub(super) fn read(&self, place: Place) -> Traced<'_> {
         self.number(Operation::Read(place))
+    }
+
+    /// A uniform of the kernel.
+    pub(super) fn uniform(&self, number: u16) -> Traced<'_> {
+        self.number(Operation::Uniform(number))
     }
 
     /// The lanes that are active when the segment starts, as a mask.

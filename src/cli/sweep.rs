@@ -1,0 +1,370 @@
+//! `bulbfold render --sweep`: the frames of an animation, with as few kernels as their structures allow.
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use bulbfold::calibrate::Calibration;
+use bulbfold::compose::{Composer, choose};
+use bulbfold::expr::Arena;
+use bulbfold::frames::{FrameRenderer, Frames, JoinedFrames};
+use bulbfold::graph::{EstimateSettings, ValidGraph};
+use bulbfold::kernel::{Backend, BackendError, Compiling};
+use bulbfold::precision::resolution;
+use bulbfold::render::{RenderSettings, Stats, compose_pipeline, compose_planned};
+use clap::Args;
+use serde_json::json;
+
+use super::arguments::PrecisionArg;
+use super::backend::{Job, run_job};
+use super::calibration::choose_estimate;
+use super::progress::{Progress, short};
+use super::range::Range;
+use super::render::{Arguments, cannot_write, render_file, settle_precision, with_view};
+use super::session::{check_output, talk};
+use super::{Failure, Outcome, Session, usage};
+
+/// What makes a picture an animation.
+#[derive(Args, Debug)]
+pub struct SweepArgs {
+    /// Move a parameter (NAME or NODE.NAME) from frame to frame, or the view: camera, target, up, fov, or turn (degrees
+    /// around the target); vectors are X,Y,Z..X,Y,Z. May be given several times
+    #[arg(long = "sweep", value_name = "NAME=FROM..TO", allow_hyphen_values = true, requires = "frames")]
+    ranges: Vec<Range>,
+    /// Number of frames; -o is then a name with a place for the frame's number, such as frame_%04d.png
+    #[arg(long, value_name = "N", requires = "ranges", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub frames: Option<u32>,
+    /// Keep the frames that are there already
+    #[arg(long, requires = "frames")]
+    resume: bool,
+}
+
+/// Renders all frames.
+pub fn run(
+    arguments: &Arguments,
+    sweep: &SweepArgs,
+    frames: u32,
+    session: &mut Session,
+    out: &mut dyn Write,
+) -> Outcome {
+    if !arguments.is_plain() {
+        return Err(usage("a sweep renders pictures, not views of error", "drop `--view` or `--sweep`"));
+    }
+    let names = Names::new(arguments)?;
+    check_output(&names.path(0), Some("png"))?;
+    let asked = arguments.prepare()?;
+    let is_wanted = |frame: &u32| !(sweep.resume && names.path(*frame).exists());
+    let todo: Vec<u32> = (0..frames).filter(is_wanted).collect();
+    let (start, mut composing) = (Instant::now(), Duration::ZERO);
+    let graphs = graphs(session, arguments, sweep, frames)?;
+    let (settings, precision) = settle(session, arguments, &graphs, asked)?;
+    let estimates = estimates(session, arguments, &graphs, &settings, precision)?;
+    let mut gathered = Frames::default();
+    for &frame in &todo {
+        let graph = &graphs[frame as usize];
+        let arena = Rc::new(Arena::default());
+        let composer = Composer { arena: &arena, library: &session.library, graph };
+        let failed = |diagnostic| session.failure(diagnostic);
+        let plan = match &estimates {
+            Estimates::Shared(wanted) => choose(&composer, wanted).map_err(failed)?,
+            Estimates::Own => {
+                choose_estimate(session, graph, &arena, &arguments.wish(graph, &settings, precision))?.plan
+            }
+        };
+        let begun = Instant::now();
+        gathered.add(&arena, &compose_planned(&composer, &settings, plan).map_err(failed)?);
+        composing += begun.elapsed();
+    }
+    let joined = gathered.finish();
+    let mut job = SweepJob {
+        frames: &joined,
+        settings: &settings,
+        paths: todo.iter().map(|&frame| names.path(frame)).collect(),
+        quiet: arguments.quiet,
+        next: 0,
+        counted: Counted::default(),
+    };
+    let (backend, written) = run_job(session, arguments.backend, precision, &mut job)?;
+    written?;
+    let report =
+        Report { backend, composing, skipped: frames as usize - todo.len(), joined: &joined, counted: &job.counted };
+    if arguments.json {
+        writeln!(out, "{}", report.json())?;
+    }
+    if arguments.stats {
+        talk(report.table().trim_end());
+    }
+    if !arguments.quiet {
+        talk(&format!(
+            "{} to {} ({})",
+            names.path(0).display(),
+            names.path(frames - 1).display(),
+            short(start.elapsed())
+        ));
+    }
+    Ok(())
+}
+
+/// Files of frames: what stands before and after the number, and its least digits.
+struct Names {
+    before: String,
+    after: String,
+    digits: usize,
+}
+
+impl Names {
+    fn new(arguments: &Arguments) -> Result<Names, Failure> {
+        let given = arguments.output.as_ref().map(|path| path.to_string_lossy().into_owned());
+        let pattern = given.unwrap_or_else(|| {
+            let stem = Path::new(&arguments.formula.file).file_stem().unwrap_or_default();
+            format!("{}_%04d.png", stem.to_string_lossy())
+        });
+        Names::parse(&pattern).ok_or_else(|| {
+            let text = format!("the output {pattern} has no place for the number of a frame");
+            usage(text, "write for example `-o frame_%04d.png`")
+        })
+    }
+
+    fn parse(pattern: &str) -> Option<Names> {
+        let (before, rest) = pattern.split_once('%')?;
+        let (digits, after) = rest.split_once('d')?;
+        let digits = if digits.is_empty() { 0 } else { digits.parse().ok().filter(|&n: &usize| n <= 12)? };
+        (!after.contains('%')).then(|| Names { before: before.into(), after: after.into(), digits })
+    }
+
+    /// The file of a frame, numbered from 1.
+    fn path(&self, frame: u32) -> PathBuf {
+        let (number, digits) = (frame + 1, self.digits);
+        PathBuf::from(format!("{}{number:0digits$}{}", self.before, self.after))
+    }
+}
+
+/// The fractal of each frame, seen as that frame sees it. All are read before anything is rendered, so that a value out of
+/// range is told at once.
+fn graphs(
+    session: &mut Session,
+    arguments: &Arguments,
+    sweep: &SweepArgs,
+    frames: u32,
+) -> Result<Vec<ValidGraph>, Failure> {
+    let mut graphs = Vec::new();
+    let settings = arguments.settings(PrecisionArg::F32);
+    for frame in 0..frames {
+        let share = if frames > 1 { f64::from(frame) / f64::from(frames - 1) } else { 0.0 };
+        let (mut set, mut camera) = (arguments.formula.set.clone(), arguments.camera);
+        let mut turn = None;
+        for range in &sweep.ranges {
+            let value = range.at(share);
+            let vector = || <[f64; 3]>::try_from(value.clone()).ok();
+            match range.name.as_str() {
+                "camera" => camera.camera = vector(),
+                "target" => camera.target = vector(),
+                "up" => camera.up = vector(),
+                "fov" => camera.fov = Some(value[0]),
+                "turn" => turn = Some(value[0].to_radians()),
+                name => set.push((name.to_string(), Range::ron(&value))),
+            }
+        }
+        let file = &arguments.formula.file;
+        let loaded = if frame == 0 { session.load(file, &set)? } else { session.load_again(file, &set)? };
+        camera.turn = turn;
+        graphs.push(with_view(session, &Rc::new(Arena::default()), loaded.graph, &settings, &camera)?);
+    }
+    Ok(graphs)
+}
+
+/// First, middle and last frame: those that speak for the others.
+fn key_frames(graphs: &[ValidGraph]) -> Vec<&ValidGraph> {
+    let last = graphs.len() - 1;
+    BTreeSet::from([0, last / 2, last]).into_iter().map(|i| &graphs[i]).collect()
+}
+
+/// Settings of all frames, in the precision that the finest view needs.
+fn settle(
+    session: &Session,
+    arguments: &Arguments,
+    graphs: &[ValidGraph],
+    asked: PrecisionArg,
+) -> Result<(RenderSettings, PrecisionArg), Failure> {
+    let (mut settings, mut precision) = (arguments.settings(asked), asked);
+    for graph in key_frames(graphs) {
+        let arena = Rc::new(Arena::default());
+        let composer = Composer { arena: &arena, library: &session.library, graph };
+        let pipeline = compose_pipeline(&composer, &settings).map_err(|diagnostic| session.failure(diagnostic))?;
+        precision = settle_precision(session, arguments, precision, &resolution(&arena, &pipeline, settings.size));
+    }
+    settings.min_difference = precision.min_difference();
+    Ok((settings, precision))
+}
+
+/// How the frames' estimates are chosen.
+enum Estimates {
+    /// The same for all: the key frames agree on method and form, and the smallest fudge and shortest step are safe for
+    /// all of them.
+    Shared(EstimateSettings),
+    /// Every frame is measured by itself.
+    Own,
+}
+
+fn estimates(
+    session: &Session,
+    arguments: &Arguments,
+    graphs: &[ValidGraph],
+    settings: &RenderSettings,
+    precision: PrecisionArg,
+) -> Result<Estimates, Failure> {
+    let mut chosen = Vec::new();
+    for graph in key_frames(graphs) {
+        let arena = Rc::new(Arena::default());
+        let calibration: Calibration =
+            choose_estimate(session, graph, &arena, &arguments.wish(graph, settings, precision))?;
+        chosen.push(calibration.chosen);
+    }
+    let first = chosen[0];
+    if chosen.iter().any(|other| (other.method, other.form) != (first.method, first.form)) {
+        return Ok(Estimates::Own);
+    }
+    let least = |of: fn(&EstimateSettings) -> Option<f64>| chosen.iter().filter_map(of).reduce(f64::min);
+    let shared = EstimateSettings { fudge: least(|s| s.fudge), least_step: least(|s| s.least_step), ..first };
+    Ok(Estimates::Shared(shared.or(settings.estimate)))
+}
+
+/// What was counted in all frames.
+#[derive(Default)]
+struct Counted {
+    rendered: usize,
+    compiled: usize,
+    compiling: Option<Compiling>,
+    /// Time to compile and to render.
+    times: [Duration; 2],
+    rays: u64,
+    unfinished: u64,
+    nan: u64,
+    estimates: u64,
+}
+
+impl Counted {
+    fn add(&mut self, stats: &Stats) {
+        self.rendered += 1;
+        self.times[1] += stats.render;
+        self.rays += stats.rays;
+        self.unfinished += stats.unfinished;
+        self.nan += stats.nan;
+        self.estimates += stats.beam_estimates + stats.estimates + stats.shadow_estimates;
+    }
+}
+
+/// Frames rendered and written. Another back end that takes over goes on where one failed.
+struct SweepJob<'a> {
+    frames: &'a JoinedFrames,
+    settings: &'a RenderSettings,
+    /// One for each frame.
+    paths: Vec<PathBuf>,
+    quiet: bool,
+    next: usize,
+    counted: Counted,
+}
+
+impl Job for SweepJob<'_> {
+    type Output = Outcome;
+
+    fn run<B: Backend>(&mut self, backend: &B) -> Result<Outcome, BackendError> {
+        let mut renderer = FrameRenderer::new(backend, self.frames, self.settings);
+        let mut progress = Progress::new(self.quiet);
+        let count = self.paths.len() as f64;
+        while self.next < self.paths.len() {
+            let start = Instant::now();
+            let mut frame = renderer.frame(self.next)?;
+            self.counted.times[0] += start.elapsed();
+            let done = self.next as f64;
+            let path = &self.paths[self.next];
+            let written =
+                render_file(&mut frame, path, self.settings.size, &mut |share| progress.update((done + share) / count));
+            if let Err(error) = written? {
+                return Ok(Err(cannot_write(path, &error)));
+            }
+            self.counted.add(&frame.stats);
+            self.next += 1;
+        }
+        progress.finish();
+        self.counted.compiled = renderer.compiled();
+        self.counted.compiling = backend.compiling();
+        Ok(Ok(()))
+    }
+}
+
+/// What there is to tell of all frames.
+struct Report<'a> {
+    backend: String,
+    composing: Duration,
+    skipped: usize,
+    joined: &'a JoinedFrames,
+    counted: &'a Counted,
+}
+
+impl Report<'_> {
+    /// Kernels that a frame's structure changes, and how many of each there are.
+    fn changing(&self) -> Vec<(&'static str, usize)> {
+        self.joined.families().filter(|(_, count)| *count > 1).collect()
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let counted = self.counted;
+        let changing: serde_json::Map<_, _> = self.changing().into_iter().map(|(k, n)| (k.into(), n.into())).collect();
+        json!({
+            "version": 1,
+            "backend": self.backend,
+            "frames": counted.rendered,
+            "skipped": self.skipped,
+            "kernels_compiled": counted.compiled,
+            "structures": changing,
+            "rays": counted.rays,
+            "unfinished": counted.unfinished,
+            "nan": counted.nan,
+            "estimates": counted.estimates,
+            "compose_seconds": self.composing.as_secs_f64(),
+            "compile_seconds": counted.times[0].as_secs_f64(),
+            "render_seconds": counted.times[1].as_secs_f64(),
+        })
+    }
+
+    fn table(&self) -> String {
+        let counted = self.counted;
+        let mut text = format!("{:<20} {}\n", "back end", self.backend);
+        let mut row = |name: &str, value: String| text.push_str(&format!("{name:<20} {value}\n"));
+        row("frames", format!("{} rendered, {} kept", counted.rendered, self.skipped));
+        let changing: Vec<String> = self.changing().iter().map(|(name, n)| format!("{n} of {name}")).collect();
+        let why = match changing.is_empty() {
+            true => "every frame has the same".to_string(),
+            false => format!("the structure changes: {}", changing.join(", ")),
+        };
+        row("kernels compiled", format!("{} for all frames; {why}", counted.compiled));
+        if let Some(compiling) = counted.compiling {
+            row("compiling", super::stats::compiling(&compiling));
+        }
+        row("estimates per ray", format!("{:.1}", counted.estimates as f64 / counted.rays.max(1) as f64));
+        row("unfinished rays", counted.unfinished.to_string());
+        row("NaN rays", counted.nan.to_string());
+        row("compose time", format!("{:.3} s", self.composing.as_secs_f64()));
+        row("compile time", format!("{:.3} s", counted.times[0].as_secs_f64()));
+        row("render time", format!("{:.3} s", counted.times[1].as_secs_f64()));
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Names;
+
+    #[test]
+    fn patterns_have_one_place_for_a_number() {
+        let name = |pattern: &str| Names::parse(pattern).map(|names| names.path(11).display().to_string());
+        assert_eq!(name("a/f_%04d.png").as_deref(), Some("a/f_0012.png"));
+        assert_eq!(name("%d.png").as_deref(), Some("12.png"));
+        for wrong in ["frame.png", "%04x.png", "%d_%d.png", "100%.png", "%999d.png"] {
+            assert_eq!(name(wrong), None, "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Sweeps from the command line: frames are the pictures that single renders make, and share their kernels.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Runs the program in a folder.
+fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
+    command.current_dir(folder).env("NODEVICE_SELECT", "1").args(arguments).output().expect("the program starts")
+}
+
+/// Arguments of small pictures; estimates go by rules, so that no measurement decides.
+const SMALL: [&str; 8] = ["render", "mandelbulb", "--size", "48x36", "--samples", "1", "--calibrate", "off"];
+
+fn render(folder: &Path, backend: &str, more: &[&str]) -> serde_json::Value {
+    let arguments = [&SMALL, &["--backend", backend, "--json", "--quiet"][..], more].concat();
+    let output = bulbfold(folder, &arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("JSON on stdout")
+}
+
+fn pixels(path: &Path) -> Vec<u8> {
+    image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).to_rgb8().into_raw()
+}
+
+/// Share of bytes that are more than two steps apart.
+fn difference(a: &Path, b: &Path) -> f64 {
+    let (a, b) = (pixels(a), pixels(b));
+    a.iter().zip(&b).filter(|(a, b)| a.abs_diff(**b) > 2).count() as f64 / a.len() as f64
+}
+
+fn has_gpu(folder: &Path) -> bool {
+    let tried = bulbfold(folder, &[&SMALL, &["--backend", "gpu", "-o", "tried.png"][..]].concat());
+    let required = std::env::var("BULBFOLD_REQUIRE_GPU").is_ok_and(|v| v == "1");
+    assert!(tried.status.success() || !required, "{}", String::from_utf8_lossy(&tried.stderr));
+    tried.status.success()
+}
+
+/// Parameter, camera and angle at once: every frame with the kernels of the first, and equal to a picture of its own.
+fn frames_share_kernels_and_are_right(folder: &Path, backend: &str, most_different: f64) {
+    let sweep = ["--sweep", "power=5.2..7.6", "--sweep", "fov=40..50", "--sweep", "camera=1.5,-2,1..1.2,-2.2,1.4"];
+    let report = render(folder, backend, &[&sweep[..], &["--frames", "5", "-o", "f%02d.png"]].concat());
+    assert_eq!(report["frames"], 5);
+    assert_eq!(report["kernels_compiled"], 7, "{report}");
+    assert_eq!(report["structures"], serde_json::json!({}), "{report}");
+    // The third of five, half the way.
+    let own = ["--set", "power=6.4", "--fov", "45", "--camera", "1.35,-2.1,1.2", "-o", "own.png"];
+    render(folder, backend, &own);
+    let different = difference(&folder.join("f03.png"), &folder.join("own.png"));
+    assert!(different <= most_different, "{different} of the picture differs");
+    assert!(difference(&folder.join("f01.png"), &folder.join("f05.png")) > 0.1, "the frames move");
+}
+
+#[test]
+fn frames_on_the_cpu() {
+    let folder = tempfile::tempdir().expect("a folder");
+    frames_share_kernels_and_are_right(folder.path(), "cpu", 0.0);
+}
+
+#[test]
+fn frames_on_the_gpu() {
+    let folder = tempfile::tempdir().expect("a folder");
+    if has_gpu(folder.path()) {
+        // Drivers may fold constants and round their products together.
+        frames_share_kernels_and_are_right(folder.path(), "gpu", 0.02);
+    }
+}
+
+#[test]
+fn a_parameter_that_changes_the_structure_brings_kernels_of_its_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let report = render(folder.path(), "cpu", &["--sweep", "power=4..6", "--frames", "5", "-o", "f%d.png"]);
+    // Whole powers are products of 4, 5 and 6 factors; 4.5 and 5.5 go through angles.
+    assert_eq!(report["structures"]["march"], 4, "{report}");
+    for (frame, power) in ["4", "4.5", "5", "5.5", "6"].iter().enumerate() {
+        let own = folder.path().join("own.png");
+        render(folder.path(), "cpu", &["--set", &format!("power={power}"), "-o", "own.png"]);
+        assert_eq!(difference(&folder.path().join(format!("f{}.png", frame + 1)), &own), 0.0, "power {power}");
+    }
+}
+
+#[test]
+fn resume_keeps_frames_and_renders_the_others() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let sweep = ["--sweep", "turn=0..90", "--frames", "4", "-o", "f%d.png"];
+    assert_eq!(render(folder.path(), "cpu", &sweep)["frames"], 4);
+    let kept = folder.path().join("f2.png");
+    std::fs::write(&kept, b"mine").expect("the folder takes files");
+    let third = folder.path().join("f3.png");
+    let before = pixels(&third);
+    std::fs::remove_file(&third).expect("the frame is there");
+    let report = render(folder.path(), "cpu", &[&sweep[..], &["--resume"]].concat());
+    assert_eq!((&report["frames"], &report["skipped"]), (&1.into(), &3.into()));
+    assert_eq!(std::fs::read(&kept).expect("the frame is there"), b"mine");
+    assert_eq!(pixels(&third), before);
+    // Without it all are made again.
+    assert_eq!(render(folder.path(), "cpu", &sweep)["frames"], 4);
+    assert_ne!(std::fs::read(&kept).expect("the frame is there"), b"mine");
+}
+
+#[test]
+fn wrong_sweeps_say_what_to_do() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let cases: [(&[&str], &str); 6] = [
+        (&["--sweep", "power=2..12"], "--frames"),
+        (&["--sweep", "power=2", "--frames", "3"], "NAME=FROM..TO"),
+        (&["--sweep", "power=2..12", "--frames", "3", "-o", "frame.png"], "frame_%04d.png"),
+        (&["--sweep", "powr=2..12", "--frames", "3"], "power"),
+        (&["--sweep", "power=2..99", "--frames", "3"], "16"),
+        (&["--sweep", "camera=0,0,0..1,1,1", "--sweep", "target=0,0,0..1,1,1", "--frames", "3"], "target"),
+    ];
+    for (arguments, expected) in cases {
+        let output = bulbfold(folder.path(), &[&SMALL, arguments].concat());
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {told}");
+        assert!(told.contains(expected), "{arguments:?}: {told}");
+        assert!(!folder.path().join("mandelbulb_0001.png").exists(), "{arguments:?}: something was rendered");
+    }
+}
