@@ -8,7 +8,9 @@
 use std::time::{Duration, Instant};
 
 use super::{BESIDES_PRIMARY, Candidate, Options, Row, Space, Verdict};
-use crate::check::truth::{End, Judgement, Scale, Truths, candidate as candidate_march, ends, ray_columns, view_rays};
+use crate::check::truth::{
+    End, Judgement, Ray, Scale, Truths, candidate as candidate_march, ends, ray_columns, view_rays,
+};
 use crate::check::{Backends, Subject};
 use crate::compose::{ComposeResult, Plan};
 use crate::graph::Method;
@@ -61,8 +63,9 @@ struct Entry {
     after: Option<(Axis, f64)>,
 }
 
-/// More rays, without a truth: wherever a march stops is a member of the set, so whoever passes it there has missed it.
+/// More rays, without a truth: wherever a march stops on a member of the set, whoever passes it there has missed it.
 struct Compared {
+    rays: Vec<Ray>,
     columns: Vec<Vec<f64>>,
     /// Depth of the first known member of each ray, or infinity.
     known: Vec<f64>,
@@ -70,9 +73,16 @@ struct Compared {
 
 impl Compared {
     /// Hits that are known, and how many of them these ends passed; the ends' own stops are known from now on.
-    fn passed(&mut self, ends: &[End], footprint: impl Fn(f64) -> f64) -> [usize; 2] {
-        for (known, end) in self.known.iter_mut().zip(ends) {
-            *known = end.depth().unwrap_or(f64::INFINITY).min(*known);
+    fn passed(&mut self, ends: &[End], truths: &Truths) -> [usize; 2] {
+        let footprint = |t: f64| truths.scale.footprint(t);
+        // Orbits that ended at the footprint say nothing about members.
+        let nearer = |i: &usize| ends[*i].depth().is_some_and(|t| t < self.known[*i]);
+        let stops: Vec<usize> = (0..ends.len()).filter(nearer).collect();
+        let places: Vec<(Ray, f64)> = stops.iter().map(|&i| (self.rays[i], ends[i].t)).collect();
+        for (&i, is_member) in stops.iter().zip(truths.are_members(&places)) {
+            if is_member {
+                self.known[i] = ends[i].t;
+            }
         }
         let pairs = || self.known.iter().zip(ends).filter(|(known, _)| known.is_finite());
         let is_passed =
@@ -145,6 +155,7 @@ impl<'a> Race<'a> {
         let compared = Compared {
             columns: ray_columns(&rays, truths.scale.bounding_radius),
             known: vec![f64::INFINITY; rays.len()],
+            rays,
         };
         let backends = Backends::cpu_only();
         let (open, tried) = (Vec::new(), Vec::new());
@@ -297,9 +308,8 @@ impl<'a> Race<'a> {
 
     /// Hits that are known of these rays, and how many of them a march passed.
     fn passed(&mut self, out: &[Vec<f64>]) -> [usize; 2] {
-        let scale = self.truths.scale;
         let ends = ends(out, self.compared.known.len());
-        self.compared.passed(&ends, |t| scale.footprint(t))
+        self.compared.passed(&ends, self.truths)
     }
 
     /// The more careful neighbours of a candidate that failed; `is_thin` says that what it missed is mostly thin. What did

@@ -191,6 +191,13 @@ impl Truths {
         }
     }
 
+    /// Which of these depths on rays are members of the set.
+    pub fn are_members(&self, places: &[(Ray, f64)]) -> Vec<bool> {
+        let points: Vec<[f64; 3]> = places.iter().map(|&(ray, t)| point(ray, t)).collect();
+        let eps: Vec<f64> = places.iter().map(|(_, t)| self.scale.pixel_radius * t).collect();
+        self.members().inside(&points, &eps)
+    }
+
     /// Whether the set has a member within an eighth of a footprint of a depth: fixed steps may pass over what is thinner
     /// than they are, and then a march that stopped there was right.
     fn is_member_near(&self, ray: Ray, t: f64) -> bool {
