@@ -114,14 +114,17 @@ fn no_cut_shows_on_the_gpu() {
 fn all_samples_are_averaged_in_linear_light() {
     // Single pictures of the samples, each as the first of its own: a pixel is their average.
     let formula = builtin("menger");
+    // Beams of larger tiles end elsewhere, and rays from there stop elsewhere within their threshold.
     let cpu = Cpu::new(Precision::F64);
-    let (full, stats) = picture(&cpu, &formula, None, &settings(2, Sampling::Full), None);
+    let plain = RenderSettings { plain: true, ..settings(2, Sampling::Full) };
+    let (full, stats) = picture(&cpu, &formula, None, &plain, None);
     let pixels = u64::from(SIZE.width * SIZE.height);
     assert_eq!((stats.rays, stats.refined), (4 * pixels, pixels));
     // A picture of twice the size has a pixel for each sample; hit thresholds are those of the larger pixels by `detail`.
     let large = RenderSettings {
         size: Size { width: 2 * SIZE.width, height: 2 * SIZE.height },
         detail: 2.0,
+        plain: true,
         ..settings(1, Sampling::Full)
     };
     let (large, _) = picture(&cpu, &formula, None, &large, None);

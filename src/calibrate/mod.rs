@@ -184,10 +184,18 @@ pub fn calibrate(
 ) -> Result<Calibration, Diagnostic> {
     let start = Instant::now();
     let space = Space::new(subject, &options.wanted);
+    // Rays that stop in front of the set cannot be measured by how far they are from it.
+    let is_soft = subject.plan.stop_at.is_some();
     let is_calibrated =
         crate::compose::field_orbits(&subject.composer()).iter().any(|o| o.settings.estimate.calibrated);
-    if is_calibrated || space.is_decided() {
-        let origin = if is_calibrated { Origin::File } else { Origin::Fixed };
+    if is_calibrated || is_soft || space.is_decided() {
+        let origin = if is_calibrated {
+            Origin::File
+        } else if is_soft {
+            Origin::Rules
+        } else {
+            Origin::Fixed
+        };
         return Ok(without_measuring(subject, origin, start));
     }
     let key = options.cache.as_ref().map(|_| cache::key(subject, options)).transpose()?;

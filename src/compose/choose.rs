@@ -71,6 +71,8 @@ pub struct Plan {
     pub fudge: f64,
     /// Shortest step of a march, as a share of the hit threshold: the least that is asked for.
     pub least_step: f64,
+    /// Estimate, in pixels, below which a ray stops: the least that is asked for. `None` stops at members alone.
+    pub stop_at: Option<f64>,
     /// Step of finite differences: the first that an orbit asks for.
     pub difference_step: DifferenceStep,
     /// What a user should know, for example that a method that was asked for does not apply.
@@ -135,11 +137,14 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     }
     let steps = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).step);
     let difference_step = steps.into_iter().next().unwrap_or_default();
+    let stops = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).stop_at);
+    let stop_at = stops.chain(wanted.stop_at).reduce(f64::min);
     let shares = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).least_step);
     let least_step = shares.chain(wanted.least_step).reduce(f64::min);
     let certified = choices.iter().any(|choice| choice.method.is_certified());
     let least_step = least_step.unwrap_or(if certified { LEAST_STEP_OF_PROOFS } else { LEAST_STEP });
-    Ok(Plan { choices, bounding_radius, fudge, least_step, difference_step, warnings })
+    let stop_at = stop_at.filter(|_| !certified);
+    Ok(Plan { choices, bounding_radius, fudge, least_step, stop_at, difference_step, warnings })
 }
 
 fn choose_orbit(

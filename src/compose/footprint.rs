@@ -29,16 +29,28 @@ impl<'a> OrbitBuilder<'a> {
         follows_footprint(self.choice, self.purpose)
     }
 
-    /// Whether the image of a ball of radius `hit_eps` around the start point is as wide as the set. The derivative of a
-    /// Jacobian is its Frobenius norm.
-    pub(super) fn is_resolved(&self, state: &State<'a>, hit_eps: Expr<'a>) -> Expr<'a> {
+    /// Whether the orbit ends with this state: it escaped, or its detail is below the hit threshold. NaN compares false, so
+    /// it counts as escaped.
+    pub(super) fn has_ended(&self, state: &State<'a>, hit_eps: Expr<'a>) -> Expr<'a> {
+        let limit = self.composer.arena.f(self.settings.escape_radius * self.settings.escape_radius);
+        let escaped = !state.z.dot(state.z).le(limit);
+        if self.follows_footprint() { escaped.or(self.is_resolved(state, hit_eps)) } else { escaped }
+    }
+
+    /// Whether the image of a ball of radius `hit_eps` around the start point is as wide as the set. What a Jacobian says is
+    /// how fast r grows: beside an axis where azimuths are torn apart its norm says nothing about how much of the set
+    /// the image covers.
+    fn is_resolved(&self, state: &State<'a>, hit_eps: Expr<'a>) -> Expr<'a> {
         let reach = COVERS * self.choice.extent;
         if let Some(dr) = state.dr {
             return self.composer.arena.f(reach).lt(dr * hit_eps);
         }
-        let squares = state.rows.iter().chain(&state.along).map(|row| row.dot(*row));
-        let square = squares.reduce(|a, b| a + b).unwrap_or_else(|| hit_eps.lift(0.0));
-        self.composer.arena.f(reach * reach).lt(square * (hit_eps * hit_eps))
+        let r_sq = state.z.dot(state.z);
+        // r times its gradient, or r times its change along the ray.
+        let rows = state.z.components().into_iter().zip(&state.rows).map(|(z, row)| *row * z);
+        let change = rows.reduce(|a, b| a + b).or(state.along.map(|along| state.z.dot(along)));
+        let change = change.unwrap_or_else(|| hit_eps.lift(0.0));
+        (r_sq * (reach * reach)).lt(change.dot(change) * (hit_eps * hit_eps))
     }
 
     /// The estimate of a march with the mark of what is resolved.

@@ -178,13 +178,7 @@ impl<'a> OrbitBuilder<'a> {
             for (name, e) in next.parts() {
                 function.output(name, e);
             }
-            let r_sq = next.z.dot(next.z);
-            let limit = self.settings.escape_radius * self.settings.escape_radius;
-            // NaN compares false, so it counts as escaped.
-            let escaped = !r_sq.le(self.composer.arena.f(limit));
-            let follows = self.follows_footprint();
-            let ended = if follows { escaped.or(self.is_resolved(&next, constants.hit_eps)) } else { escaped };
-            function.output("escaped", ended);
+            function.output("escaped", self.has_ended(&next, constants.hit_eps));
             items.push(function);
         }
         let mut finish = Function::new(format!("{name}_finish"), ports);

@@ -110,8 +110,7 @@ impl<'a> Opened<'a> {
             next.parts().into_iter().for_each(|(name, value)| function.output(name, value));
         }
         if end != End::State {
-            let limit = self.builder.settings.escape_radius.powi(2);
-            function.output("escaped", !next.z.dot(next.z).le(self.builder.composer.arena.f(limit)));
+            function.output("escaped", self.builder.has_ended(&next, self.constants.hit_eps));
         }
         Ok(function)
     }

@@ -359,9 +359,10 @@ impl Reader<'_> {
         let fudge = fields.optional_value("fudge").and_then(|v| self.number(v, 1e-3, 1.0));
         let step = fields.optional_value("step").and_then(|v| self.difference_step(v));
         let least_step = fields.optional_value("least_step").and_then(|v| self.number(v, 1e-4, 1.0));
+        let stop_at = fields.optional_value("stop_at").and_then(|v| self.number(v, 1e-3, 100.0));
         let calibrated = fields.optional::<bool>("calibrated", self.d).unwrap_or(false);
         fields.finish(self.d);
-        Some(EstimateSettings { method, form, radius, axis, fudge, difference, step, least_step, calibrated })
+        Some(EstimateSettings { method, form, radius, axis, fudge, difference, step, least_step, stop_at, calibrated })
     }
 
     /// A field that is one of several words, or `auto`, which is as if it were absent.

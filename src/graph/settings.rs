@@ -261,6 +261,8 @@ pub struct EstimateSettings {
     pub step: Option<DifferenceStep>,
     /// Shortest step of a march, as a share of the hit threshold, in (0, 1].
     pub least_step: Option<f64>,
+    /// Estimate, in pixels, below which a ray stops; `None` stops at members of the set alone.
+    pub stop_at: Option<f64>,
     /// Whether these are the outcome of a calibration, which then is not made again.
     pub calibrated: bool,
 }
@@ -277,6 +279,7 @@ impl EstimateSettings {
             difference: self.difference.or(other.difference),
             step: self.step.or(other.step),
             least_step: self.least_step.or(other.least_step),
+            stop_at: self.stop_at.or(other.stop_at),
             calibrated: self.calibrated || other.calibrated,
         }
     }

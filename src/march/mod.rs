@@ -41,6 +41,8 @@ pub struct MarchSettings {
     pub certified: bool,
     /// Step of finite differences, where that is above the least one.
     pub difference_step: DifferenceStep,
+    /// Whether a ray stops where the estimate falls below the hit threshold, wherever the set is.
+    pub stops_at_threshold: bool,
     /// How much longer than the estimate times `fudge` a step may be; 1 takes no longer ones. Longer steps need estimates
     /// that hold all around their point.
     pub relaxation: f64,
@@ -67,6 +69,7 @@ impl Default for MarchSettings {
             min_difference: MIN_DIFFERENCE_F32,
             certified: false,
             difference_step: DifferenceStep::default(),
+            stops_at_threshold: false,
             relaxation: 1.0,
         }
     }
@@ -77,7 +80,9 @@ impl MarchSettings {
     pub fn of_plan(plan: &Plan, pixel_radius: f64, min_difference: f64) -> MarchSettings {
         MarchSettings {
             fudge: plan.fudge,
-            pixel_radius,
+            // Half a pixel, or as many as the plan says.
+            pixel_radius: plan.stop_at.map_or(1.0, |pixels| 2.0 * pixels) * pixel_radius,
+            stops_at_threshold: plan.stop_at.is_some(),
             least_step: plan.least_step,
             min_difference,
             certified: plan.is_certified(),
@@ -173,6 +178,11 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     function
 }
 
+/// The least step that any precision has at `t`.
+fn least_gap<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
+    ray.t * (2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01
+}
+
 /// The new state of a ray from its state and the estimate at `t`.
 fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let mut inputs = ports();
@@ -201,15 +211,18 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
         false => (usable * settings.fudge).max(walk),
     };
     let wanted = ray.t + step;
-    let least = ray.t * (1.0 + 2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01;
+    let least = ray.t + least_gap(&ray, settings);
     let forward = wanted.le(ray.t).select(least, wanted);
     let farther = relaxed::farther(&ray, settings, walk, usable, forward);
     let middle = (t_inside + t_outside) * 0.5;
     // No number may be left between the ends, however far they are from as near as they should be.
     let between = t_outside.lt(middle).and(middle.lt(t_inside));
     let narrow = (t_inside - t_outside).le(hit_eps * BISECTION).or(!between);
-    let hit = crossed.and(narrow.or(started_inside));
-    let miss = (!crossed).and(ray.t_far.le(forward));
+    let bisected = crossed.and(narrow.or(started_inside));
+    let near = settings.stops_at_threshold.then(|| usable.lt(hit_eps).and(!inside));
+    let hit = near.map_or(bisected, |near| near.or(bisected));
+    let t_inside = near.map_or(t_inside, |near| near.select(ray.t, t_inside));
+    let miss = (!crossed.or(hit)).and(ray.t_far.le(forward));
     let code = |status: Status| arena.f(status.code());
     let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
     let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, farther.min(ray.t_far)));

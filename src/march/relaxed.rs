@@ -6,7 +6,7 @@
 //! by what is known now, or to where the first ball ends. Steps of a constant multiple are due to Keinert and others
 //! ("Enhanced Sphere Tracing", 2014), the slope to Ban and Valasek ("Automatic Step Size Relaxation in Sphere Tracing", 2023).
 
-use super::{Inputs, MarchSettings};
+use super::{Inputs, MarchSettings, least_gap};
 use crate::compose::Plan;
 use crate::expr::Expr;
 use crate::graph::Method;
@@ -77,7 +77,8 @@ pub(super) fn or_back<'g>(
     let zero = ray.t.lift(0.0);
     let (ball, last_ball) = (de * settings.fudge, ray.last_de * settings.fudge);
     let gap = ray.t - ray.t_outside;
-    let plain = last_ball.max(walk);
+    // A step that the precision made longer, since a shorter one would stand still, is no step too long.
+    let plain = last_ball.max(walk).max(least_gap(ray, settings));
     let is_march = zero.le(ray.t_outside).and(ray.t_inside.lt(zero));
     let was_longer = is_march.and((plain + walk * SLACK).lt(gap));
     let is_apart = inside.or((last_ball + ball * behind(settings)).lt(gap));

@@ -1,6 +1,7 @@
 //! The march of rays towards the sun, of which nobody asks but whether they hit.
 //!
-//! It does not bisect, its walk is as coarse as the default even where primary rays need a finer one, and it ends where the set is near enough to hide a good part of the sun's disc, which a point at
+//! It does not bisect, its walk is as coarse as the default even where primary rays need a finer one, its threshold is twice
+//! theirs, and it ends where the set is near enough to hide a good part of the sun's disc, which a point at
 //! distance s from the ray's start is where it is nearer to the ray than the disc's radius there.
 
 use super::{Inputs, MarchSettings, compose_march, ports, stop_at_crossing};
@@ -13,6 +14,8 @@ const SUN_RADIUS: f64 = 0.0047;
 
 /// Balls that a step is long at most: these rays leave a surface, and estimates grow along them.
 const MOST: f64 = 3.0;
+/// Hit thresholds of primary rays that one of theirs is as large as: half a pixel of shadow is not seen.
+const COARSER: f64 = 2.0;
 /// Hit thresholds in front of its start that such a ray has no need to look at.
 pub const SKIPPED: f64 = 2.0;
 
@@ -23,7 +26,9 @@ pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &Marc
         return stop_at_crossing(arena, &compose_march(arena, estimator, settings));
     }
     let relaxation = if settings.relaxation > 1.0 { MOST } else { 1.0 };
-    let coarse = MarchSettings { least_step: settings.least_step.max(LEAST_STEP), relaxation, ..*settings };
+    let least_step = settings.least_step.max(LEAST_STEP);
+    let pixel_radius = settings.pixel_radius * COARSER;
+    let coarse = MarchSettings { least_step, pixel_radius, relaxation, ..*settings };
     let mut march = stop_at_crossing(arena, &compose_march(arena, estimator, &coarse));
     let ray = Inputs::new(arena);
     let de = arena.input(ports().len() as u16, Type::F);

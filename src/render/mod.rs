@@ -46,8 +46,8 @@ pub struct RenderSettings {
     pub detail: f64,
     /// Least relative step of finite differences, by the precision of the back end (see [`MarchSettings`](crate::march::MarchSettings)).
     pub min_difference: f64,
-    /// Every ray is marched from the bounding sphere by steps no longer than an estimate, shadow rays as sharply as primary
-    /// ones: what everything else is compared with.
+    /// Every ray is marched from the bounding sphere by steps no longer than an estimate, every orbit iterated until it escapes
+    /// or `max_iterations` are done, shadow rays as sharply as primary ones: what everything else is compared with.
     pub plain: bool,
 }
 

@@ -87,7 +87,8 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         march.relaxation = 1.0;
     }
     let choices: &[Choice] = &plan.choices;
-    let estimator = compose_estimator(composer, choices, Purpose::March)?;
+    let purpose = if settings.plain { Purpose::Estimate } else { Purpose::March };
+    let estimator = compose_estimator(composer, choices, purpose)?;
     let radius = plan.bounding_radius;
     let sun = shade::sun_direction(look, &frame);
     let (shadow_march, skipped) = match settings.plain {

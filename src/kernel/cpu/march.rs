@@ -114,26 +114,26 @@ pub(super) fn march_pack<R: Machine + Pack, const K: usize>(
     (at..end).filter(|&i| !rays.is_running(i)).count()
 }
 
-/// The columns of a ray at its near end: -1 marks what no estimate has said yet.
-pub(super) fn start_of<T: Copy + Into<f64>>(inputs: &[&[T]], ray: usize) -> [f64; COLUMNS] {
-    let mut values = [0.0; COLUMNS];
-    values.iter_mut().zip(inputs).for_each(|(value, column)| *value = column[ray].into());
-    let (near, far) = (values[RAY - 2], values[RAY - 1]);
-    values[RAY..RAY + STATE].copy_from_slice(&[near, near, -1.0, -1.0, -1.0, 0.0]);
-    // A ray whose range is empty has missed before it starts.
-    if near.partial_cmp(&far) != Some(std::cmp::Ordering::Less) {
-        values[STATUS] = Status::Miss.code();
-    }
-    values
+/// State and counters of a ray at its near end: -1 marks what no estimate has said yet. A ray whose range is empty has
+/// missed before it starts.
+pub(super) fn start_of<T: Copy + PartialOrd>(
+    inputs: &[&[T]],
+    ray: usize,
+    scalar: impl Fn(f64) -> T,
+) -> [T; COLUMNS - RAY] {
+    let (near, far) = (inputs[RAY - 2][ray], inputs[RAY - 1][ray]);
+    let (zero, unknown) = (scalar(0.0), scalar(-1.0));
+    let status = if near < far { zero } else { scalar(Status::Miss.code()) };
+    [near, near, unknown, unknown, unknown, status, zero, zero, zero]
 }
 
-impl<T: Copy + Into<f64>> Rays<T> {
+impl<T: Copy + PartialOrd + Into<f64>> Rays<T> {
     /// All rays at their near end.
     pub(super) fn start(inputs: &[&[T]], scalar: impl Fn(f64) -> T) -> Rays<T> {
         let len = inputs[0].len();
         let mut columns = vec![Vec::new(); COLUMNS];
         for i in 0..len {
-            let values = start_of(inputs, i).map(&scalar);
+            let values = inputs.iter().map(|column| column[i]).chain(start_of(inputs, i, &scalar));
             columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
         }
         Rays { columns, ids: (0..len as u32).collect() }

@@ -153,11 +153,16 @@ impl Compiled {
                         output[ray] = *frame.lane(first, RAY + i, lane);
                     }
                 }
-                if let Some(next) = waiting.next() {
-                    *ray = Some(next);
-                    for (i, value) in start_of(inputs, next).into_iter().enumerate() {
-                        *frame.lane(first, i, lane) = T::from_f64(value);
+                for next in waiting.by_ref() {
+                    let state = start_of(inputs, next, T::from_f64);
+                    if state[STATUS - RAY] != T::default() {
+                        outputs.iter_mut().zip(state).for_each(|(output, value)| output[next] = value);
+                        continue;
                     }
+                    *ray = Some(next);
+                    let values = inputs.iter().map(|column| column[next]).chain(state);
+                    values.enumerate().for_each(|(i, value)| *frame.lane(first, i, lane) = value);
+                    break;
                 }
             }
             if rays.iter().all(Option::is_none) {
@@ -169,7 +174,7 @@ impl Compiled {
 }
 
 /// The number of one lane.
-pub(super) trait Element: Copy + Default + Into<f64> {
+pub(super) trait Element: Copy + Default + PartialOrd + Into<f64> {
     const PRECISION: Precision;
     fn from_f64(x: f64) -> Self;
 }
