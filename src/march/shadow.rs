@@ -17,7 +17,7 @@ const MOST: f64 = 3.0;
 /// Hit thresholds of primary rays that one of theirs is as large as: half a pixel of shadow is not seen.
 const COARSER: f64 = 2.0;
 /// Hit thresholds in front of its start that such a ray has no need to look at.
-pub const SKIPPED: f64 = 2.0;
+pub const SKIPPED: f64 = 4.0;
 
 /// The march of shadow rays. The status says whether they hit; of the other columns only the counts mean anything.
 pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &MarchSettings) -> March {
