@@ -27,13 +27,14 @@ const COST_OF_PROOF: f64 = 1.3;
 const COST_OF_OTHER_FORM: f64 = 1.3;
 /// Candidates that are tried even where that takes longer than it may.
 const FEWEST: usize = 3;
-
 /// Rays that the render's time is taken from.
 const TIMED_RAYS: usize = 512;
 /// Share of the missed hits of the budget that a choice may come to: rays that nobody looked at shall keep the budget, too.
 const MARGIN: f64 = 0.25;
 /// The same where proofs get stuck at most hits, as on maps that jump: nobody knows then what careful marches miss.
 const MARGIN_WITHOUT_PROOF: f64 = 0.05;
+/// Share of the early stops of the budget that a choice may come to, for the same reason.
+const MARGIN_OF_EARLY: f64 = 0.5;
 /// Share of the hits that are not decided by proofs.
 const MOSTLY: f64 = 0.5;
 /// Hits without truth that candidates are compared with each other on, and the fewest and most rays for them.
@@ -293,7 +294,7 @@ impl<'a> Race<'a> {
             (expected(missed, hits) / (self.margin * budget.missed).max(1e-9), "misses too much"),
             // What no march finds is known to the truth alone.
             (judged.missed / budget.missed.max(1e-9), "misses too much"),
-            (expected(judged.early, stops) / budget.early.max(1e-9), "stops too early"),
+            (expected(judged.early, stops) / (MARGIN_OF_EARLY * budget.early).max(1e-9), "stops too early"),
             (judged.median_error / budget.error.max(1e-9), "depths are off"),
         ];
         let (excess, why) = checks.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, ""));

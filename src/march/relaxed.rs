@@ -17,7 +17,7 @@ const MOST: f64 = 2.0;
 const CAUTION: f64 = 0.9;
 /// Step multiplier up to which estimates are trusted on both sides of their point. Where it is 1 estimates reach a little
 /// beyond the surface of what is drawn, which a march that comes near in front of it does not notice.
-const TRUSTED: f64 = 0.6;
+const TRUSTED: f64 = 0.8;
 /// Share of a step that was too long that the next try may be as long as.
 const SHORTER: f64 = 0.9;
 /// Share of a step of the walk by which rounding may make a step longer than it was meant.
