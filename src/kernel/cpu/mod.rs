@@ -25,7 +25,7 @@ use crate::math::{Lanes, Pack};
 /// Vectors that one register holds.
 const WIDE: usize = 4;
 /// Elements that one task works on.
-const GROUP: usize = 1024;
+const GROUP: usize = 4096;
 
 /// Precision of the CPU back end.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
