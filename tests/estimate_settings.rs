@@ -1,6 +1,6 @@
 //! What files and flags may say about estimates, and what becomes of it.
 
-use bulbfold::check::{Backends, Formula, Target};
+use bulbfold::check::{Backends, Formula, Target, truth};
 use bulbfold::compose::{Purpose, compose_estimator};
 use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method};
 use bulbfold::kernel::Kernel;
@@ -100,4 +100,37 @@ fn primitives_have_their_own_distance() {
     let wanted = EstimateSettings { method: Some(Method::Scalar), ..Default::default() };
     let plan = bulbfold::compose::choose(&subject.composer(), &wanted).unwrap_or_else(|e| panic!("{}", e.message));
     assert!(plan.warnings[0].contains("primitives are not iterated"), "{:?}", plan.warnings);
+}
+
+/// The set of z^8 is the unit ball, and half of r ln r its estimate: known where it falls below a threshold.
+#[test]
+fn rays_stop_in_front_where_that_is_asked_for() {
+    let ball = r#"(nodes: { "bulb": bulb_power(power: 8) }, constant: Julia((0, 0, 0)), escape_radius: 10,
+        max_iterations: 30, bounding_radius: 2, estimate: (method: METHOD, form: logarithmic STOP))"#;
+    let pixel_radius = 1e-3;
+    let backends = Backends::new();
+    for method in ["scalar", "gradient", "delta"] {
+        for (stop, pixels) in [("", 0.0), (", stop_at: 1", 1.0), (", stop_at: 5", 5.0)] {
+            let formula = formula(&ball.replace("METHOD", method).replace("STOP", stop));
+            let (plan, subject) = (formula.plan(), formula.subject());
+            assert_eq!(plan.stop_at.unwrap_or(0.0), pixels);
+            let rays = [([0.0, -3.0, 0.3], [0.0, 1.0, 0.0]), ([1.5, 2.0, -1.0], [-0.557086, -0.742781, 0.371391])];
+            for target in backends.targets() {
+                let settings = MarchSettings::of_plan(&plan, pixel_radius, target.min_difference());
+                let march = truth::candidate(&subject.composer(), &plan.choices, &settings).expect("it composes");
+                let columns = truth::ray_columns(&rays, plan.bounding_radius);
+                let out = backends.run(target, subject.arena, &march, &columns).expect("it runs");
+                for ((origin, direction), end) in rays.iter().zip(truth::ends(&out, rays.len())) {
+                    let t = end.depth().unwrap_or_else(|| panic!("{method} {stop}: no hit"));
+                    let r = [0, 1, 2].map(|k| origin[k] + direction[k] * t).iter().map(|x| x * x).sum::<f64>().sqrt();
+                    let (estimate, threshold) = (r * r.ln() / 2.0, pixels * 2.0 * pixel_radius * t);
+                    let told = format!("{method}{stop} on {}: r = {r}, threshold {threshold}", target.name());
+                    match pixels {
+                        0.0 => assert!((r - 1.0).abs() < pixel_radius * t, "{told}"),
+                        _ => assert!(r > 1.0 && estimate < 1.01 * threshold && estimate > 0.2 * threshold, "{told}"),
+                    }
+                }
+            }
+        }
+    }
 }

@@ -12,6 +12,8 @@ use crate::kernel::{Estimator, March, Status};
 /// Radius of the sun's disc at distance 1.
 const SUN_RADIUS: f64 = 0.0047;
 
+/// Shortest step of a walk where estimates are proofs.
+const LEAST_STEP_OF_PROOFS: f64 = 1.0 / 16.0;
 /// Balls that a step is long at most: these rays leave a surface, and estimates grow along them.
 const MOST: f64 = 3.0;
 /// Hit thresholds of primary rays that one of theirs is as large as: half a pixel of shadow is not seen.
@@ -21,15 +23,16 @@ pub const SKIPPED: f64 = 4.0;
 
 /// The march of shadow rays. The status says whether they hit; of the other columns only the counts mean anything.
 pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &MarchSettings) -> March {
-    // Where proofs are short, nothing needs be near, and longer steps of the walk pass what ends it.
-    if settings.certified {
-        return stop_at_crossing(arena, &compose_march(arena, estimator, settings));
-    }
     let relaxation = if settings.relaxation > 1.0 { MOST } else { 1.0 };
-    let least_step = settings.least_step.max(LEAST_STEP);
+    let shortest = if settings.certified { LEAST_STEP_OF_PROOFS } else { LEAST_STEP };
+    let least_step = settings.least_step.max(shortest);
     let pixel_radius = settings.pixel_radius * COARSER;
     let coarse = MarchSettings { least_step, pixel_radius, relaxation, ..*settings };
     let mut march = stop_at_crossing(arena, &compose_march(arena, estimator, &coarse));
+    // Where proofs are short, nothing needs be near.
+    if settings.certified {
+        return march;
+    }
     let ray = Inputs::new(arena);
     let de = arena.input(ports().len() as u16, Type::F);
     let hidden = arena.f(0.0).le(de).and((de * settings.fudge).lt((ray.t - ray.t_near) * SUN_RADIUS));
