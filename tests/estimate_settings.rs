@@ -116,7 +116,7 @@ fn rays_stop_in_front_where_that_is_asked_for() {
             assert_eq!(plan.stop_at.unwrap_or(0.0), pixels);
             let rays = [([0.0, -3.0, 0.3], [0.0, 1.0, 0.0]), ([1.5, 2.0, -1.0], [-0.557086, -0.742781, 0.371391])];
             for target in backends.targets() {
-                let settings = MarchSettings::of_plan(&plan, pixel_radius, target.min_difference());
+                let settings = MarchSettings::of_plan(plan, pixel_radius, target.min_difference());
                 let march = truth::candidate(&subject.composer(), &plan.choices, &settings).expect("it composes");
                 let columns = truth::ray_columns(&rays, plan.bounding_radius);
                 let out = backends.run(target, subject.arena, &march, &columns).expect("it runs");
