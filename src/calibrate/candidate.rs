@@ -147,8 +147,10 @@ impl Space {
         let least_step = self.least_steps[self.least_steps.len().min(2) - 1];
         let with = |method: Option<Method>| {
             let is_proof = method.is_some_and(Method::is_certified);
-            let fudge = if is_proof { self.fudges[0] } else { self.fudges[self.fudges.len().min(4) - 1] };
-            Candidate { method, form: None, fudge, least_step }
+            match is_proof {
+                true => Candidate { method, form: None, fudge: self.fudges[0], least_step: self.longest_step(method) },
+                false => Candidate { method, form: None, fudge: self.fudges[self.fudges.len().min(4) - 1], least_step },
+            }
         };
         methods.into_iter().take(2).map(with).collect()
     }

@@ -91,11 +91,15 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let estimator = compose_estimator(composer, choices, purpose)?;
     let radius = plan.bounding_radius;
     let sun = shade::sun_direction(look, &frame);
-    let (shadow_march, skipped) = match settings.plain {
-        true => (compose_march(arena, estimator.clone(), &march), 0.0),
-        false => (compose_shadow_march(arena, estimator.clone(), &march), SKIPPED),
-    };
-    let shadow_ray = shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius, skipped);
+    let shadow = look.shadows.then(|| {
+        let (shadow_march, skipped) = match settings.plain {
+            true => (compose_march(arena, estimator.clone(), &march), 0.0),
+            false => (compose_shadow_march(arena, estimator.clone(), &march), SKIPPED),
+        };
+        let ray = shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius, skipped);
+        (Kernel::Map(ray), Kernel::March(shadow_march))
+    });
+    let (shadow_ray, shadow_march) = shadow.unzip();
     Ok(Pipeline {
         camera,
         pixel_radius,
@@ -104,8 +108,8 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         march: Kernel::March(compose_march(arena, estimator, &march)),
         surface_point: Kernel::Map(shade::compose_surface_point(arena, march.pixel_radius, settings.min_difference)),
         surface: Kernel::Estimate(compose_estimator(composer, choices, Purpose::Surface)?),
-        shadow_ray: look.shadows.then_some(Kernel::Map(shadow_ray)),
-        shadow_march: look.shadows.then_some(Kernel::March(shadow_march)),
+        shadow_ray,
+        shadow_march,
         colour: Kernel::Map(shade::compose_colour(arena, look, &frame, radius)),
         encode: Kernel::Map(shade::compose_encode(arena)),
         plan,
