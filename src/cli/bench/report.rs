@@ -6,6 +6,7 @@ use bulbfold::kernel::cpu::Precision;
 use bulbfold::shade::Size;
 use serde_json::{Value, json};
 
+use super::super::stats::peak_memory;
 use super::{BASELINE, Engine, Measured, Peaks, Row};
 
 /// Version of the JSON object; it grows when a key changes its meaning or goes.
@@ -40,13 +41,6 @@ impl Measured {
 /// Operations of an estimate with its march step, without iterations.
 fn per_estimate(row: &Row) -> f64 {
     (row.cost.step + row.cost.estimate).operations()
-}
-
-/// Most memory that the program has held so far, in bytes; nothing where the system does not say.
-fn peak_memory() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }
 
 /// Tables.
