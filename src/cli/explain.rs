@@ -92,8 +92,10 @@ pub fn step_page(session: &Session, step: &Step) -> Vec<Block> {
         Some(ScalarRule::Heuristic) => "heuristic: can be exceeded",
         None => "none",
     };
+    let invented = credit(&step.inventor, step.year);
     let facts = [
         ("Group", step.group.as_str()),
+        ("Invented", invented.as_str()),
         ("Source", step.source.as_str()),
         ("Acts on", state),
         ("Far out r grows", growth),
@@ -116,6 +118,13 @@ pub fn step_page(session: &Session, step: &Step) -> Vec<Block> {
     let head = vec!["z", "Parameters", "Result", "dr", "dr after"];
     blocks.push(Block::Table(head, step.examples.iter().map(example_row).collect()));
     blocks
+}
+
+/// Inventor and year, as far as they are known.
+fn credit(inventor: &str, year: Option<u32>) -> String {
+    let year = year.map(|year| year.to_string());
+    let known: Vec<&str> = [Some(inventor), year.as_deref()].into_iter().flatten().filter(|s| !s.is_empty()).collect();
+    if known.is_empty() { "unknown".into() } else { known.join(", ") }
 }
 
 fn param_row(param: &bulbfold::formula::step::StepParam) -> Vec<String> {
@@ -196,7 +205,10 @@ fn fractal_page(session: &Session, graph: &ValidGraph) -> Result<Vec<Block>, Fai
     let plan = choose(&composer, &EstimateSettings::default()).map_err(|diagnostic| session.failure(diagnostic))?;
     let mut blocks = vec![Block::Heading(1, graph.name.clone())];
     blocks.extend((!graph.summary.is_empty()).then(|| Block::Text(graph.summary.clone())));
-    blocks.extend((!graph.source.is_empty()).then(|| Block::Text(format!("Source: {}", graph.source))));
+    let invented = credit(&graph.inventor, graph.year);
+    for (name, text) in [("Group", graph.group.as_str()), ("Invented", &invented), ("Source", &graph.source)] {
+        blocks.extend((!text.is_empty()).then(|| Block::Text(format!("{name}: {text}"))));
+    }
     if !graph.params.is_empty() {
         blocks.push(Block::Heading(2, "Parameters".into()));
         let rows = graph.params.iter().map(|p| {

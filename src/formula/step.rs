@@ -21,7 +21,11 @@ pub struct Step {
     pub group: String,
     /// What it does, in one line.
     pub summary: String,
-    /// Author, year, where published.
+    /// Who found it, where that is known.
+    pub inventor: String,
+    /// When, where that is known.
+    pub year: Option<u32>,
+    /// Where it was published, and what this version changes.
     pub source: String,
     /// Trouble spots.
     pub notes: String,
@@ -310,6 +314,8 @@ fn decode_step(name: &str, text: SourceId, ast: AST, description: &Value, d: &mu
     let mut fields = Fields::new(description, "a step's description", d)?;
     let group = fields.required::<String>("group", d).unwrap_or_default();
     let summary = fields.required::<String>("summary", d).unwrap_or_default();
+    let inventor = fields.or("inventor", String::new(), d);
+    let year = fields.optional::<u32>("year", d);
     let source = fields.required::<String>("source", d).unwrap_or_default();
     let notes = fields.or("notes", String::new(), d);
     let state = fields.or("state", StateWidth::Three, d);
@@ -326,6 +332,8 @@ fn decode_step(name: &str, text: SourceId, ast: AST, description: &Value, d: &mu
         text,
         group,
         summary,
+        inventor,
+        year,
         source,
         notes,
         state,

@@ -41,7 +41,13 @@ pub struct Graph {
     pub name: String,
     /// One line about it.
     pub summary: String,
-    /// Inventor, year, where published.
+    /// Heading that listings show it under.
+    pub group: String,
+    /// Who found it, where that is known.
+    pub inventor: String,
+    /// When, where that is known.
+    pub year: Option<u32>,
+    /// Where it was published, and what this version changes.
     pub source: String,
     /// Parameters and their values.
     pub params: Vec<FractalParam>,

@@ -21,6 +21,9 @@ pub struct Override {
 const FIELDS: &[&str] = &[
     "name",
     "summary",
+    "group",
+    "inventor",
+    "year",
     "source",
     "output",
     "constant",

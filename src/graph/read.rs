@@ -61,6 +61,9 @@ impl Reader<'_> {
         let mut fields = Fields::new(value, "a fractal", self.d)?;
         let title = fields.or("name", name.to_string(), self.d);
         let summary = fields.or("summary", String::new(), self.d);
+        let group = fields.or("group", String::new(), self.d);
+        let inventor = fields.or("inventor", String::new(), self.d);
+        let year = fields.optional::<u32>("year", self.d);
         let source = fields.or("source", String::new(), self.d);
         let given = fields.optional_value("params");
         let given = given.map(|v| entries(v, "parameters", self.d)).unwrap_or_default();
@@ -91,6 +94,9 @@ impl Reader<'_> {
         Some(Graph {
             name: title,
             summary,
+            group,
+            inventor,
+            year,
             source,
             params: std::mem::take(&mut self.params),
             nodes: nodes?,
