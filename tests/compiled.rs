@@ -65,7 +65,7 @@ fn machine_code_gives_the_interpreters_results_in_f64() {
 
 fn compare(precision: Precision) {
     if !Cpu::new(precision).compiles() {
-        eprintln!("skipped: this processor has no AVX-512, so kernels are interpreted");
+        eprintln!("skipped: this processor has neither AVX-512 nor AVX2, so kernels are interpreted");
         return;
     }
     let size = Size { width: 72, height: 54 };

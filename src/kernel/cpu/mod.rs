@@ -1,6 +1,6 @@
 //! The embedded CPU back end: tapes interpreted over packs of rays, in f64 (one ray at a time, the reference) or in wide
 //! f32 (as many rays as four of the machine's vectors hold), with the work spread over threads. Where the processor has
-//! AVX-512, tapes become machine code instead, with the same results ([`Cpu::interpreted`] switches that off).
+//! AVX-512 or AVX2, tapes become machine code instead, with the same results ([`Cpu::interpreted`] switches that off).
 //!
 //! The loops here (iterate, march) have twins of the same names in `shaders/`; everything straight-line is a tape.
 
@@ -14,6 +14,8 @@ mod tapes;
 use fearless_simd::{Level, Simd, SimdBase, dispatch};
 use rayon::prelude::*;
 
+#[cfg(target_arch = "x86_64")]
+use self::compiled::InstructionSet;
 use self::estimate::{run_estimates, run_map};
 use self::interpret::Machine;
 use self::march::run_march;
@@ -41,7 +43,9 @@ pub enum Precision {
 pub struct Cpu {
     precision: Precision,
     level: Level,
-    compiles: bool,
+    /// What kernels are compiled for, if they are.
+    #[cfg(target_arch = "x86_64")]
+    set: Option<InstructionSet>,
 }
 
 /// A kernel as tapes.
@@ -67,20 +71,49 @@ impl Cpu {
     pub fn new(precision: Precision) -> Cpu {
         let level = Level::new();
         #[cfg(target_arch = "x86_64")]
-        let compiles = matches!(level, Level::Avx512(_));
-        #[cfg(not(target_arch = "x86_64"))]
-        let compiles = false;
-        Cpu { precision, level, compiles }
+        let set = match level {
+            Level::Avx512(_) => Some(InstructionSet::Avx512),
+            Level::Avx2(_) => Some(InstructionSet::Avx2),
+            _ => None,
+        };
+        Cpu {
+            precision,
+            level,
+            #[cfg(target_arch = "x86_64")]
+            set,
+        }
     }
 
-    /// True where kernels become machine code: on processors with AVX-512.
+    /// True where kernels become machine code: on processors with AVX-512 or AVX2.
     pub fn compiles(&self) -> bool {
-        self.compiles
+        self.machine_code().is_some()
     }
 
     /// The same back end without machine code of its own making: tapes are interpreted. It gives the same results.
     pub fn interpreted(self) -> Cpu {
-        Cpu { compiles: false, ..self }
+        Cpu {
+            #[cfg(target_arch = "x86_64")]
+            set: None,
+            ..self
+        }
+    }
+
+    /// The same back end as processors without AVX-512 have it. Where this one has it, results are the same but for
+    /// functions such as sines, which may differ in their last bits with the vectors' length.
+    pub fn narrow(self) -> Cpu {
+        #[cfg(target_arch = "x86_64")]
+        if let (Some(InstructionSet::Avx512), Some(avx2)) = (self.set, self.level.as_avx2()) {
+            return Cpu { set: Some(InstructionSet::Avx2), level: Level::Avx2(avx2), ..self };
+        }
+        self
+    }
+
+    /// Name of the instruction set that kernels are compiled for, and the rays in step.
+    fn machine_code(&self) -> Option<(&'static str, usize)> {
+        #[cfg(target_arch = "x86_64")]
+        return self.set.map(|set| (set.name(), compiled::COPIES * set.lanes(self.precision)));
+        #[cfg(not(target_arch = "x86_64"))]
+        None
     }
 
     /// The precision.
@@ -90,9 +123,14 @@ impl Cpu {
 
     /// The instruction set in use and the number of rays that one pack holds.
     pub fn description(&self) -> String {
+        let precision = match self.precision {
+            Precision::F64 => "f64",
+            Precision::F32 => "f32",
+        };
+        if let Some((name, rays)) = self.machine_code() {
+            return format!("cpu, {precision}, {rays} rays at a time (machine code for {name})");
+        }
         match self.precision {
-            Precision::F64 if self.compiles => "cpu, f64, 16 rays at a time (machine code for AVX-512)".into(),
-            Precision::F32 if self.compiles => "cpu, f32, 32 rays at a time (machine code for AVX-512)".into(),
             Precision::F64 => "cpu, f64, 1 ray at a time (interpreted)".into(),
             Precision::F32 => {
                 let lanes = dispatch!(self.level, simd => pack_lanes(simd));
@@ -121,7 +159,7 @@ impl Backend for Cpu {
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<CpuKernel, BackendError> {
         let program = Program::new(arena, kernel);
         #[cfg(target_arch = "x86_64")]
-        let compiled = if self.compiles { compiled::compile(&program, self.precision) } else { None };
+        let compiled = self.set.and_then(|set| compiled::compile(&program, self.precision, set));
         Ok(CpuKernel {
             #[cfg(target_arch = "x86_64")]
             compiled,
@@ -161,7 +199,7 @@ impl Backend for Cpu {
                 CpuColumns::F64(run_parallel(kernel, &columns, |k, i, o| {
                     #[cfg(target_arch = "x86_64")]
                     if let Some(compiled) = &k.compiled {
-                        return compiled.run::<f64, 8>(i, o);
+                        return compiled.run(i, o);
                     }
                     run_group::<f64, 1>((), k, i, o);
                 }))
@@ -172,7 +210,7 @@ impl Backend for Cpu {
                 CpuColumns::F32(run_parallel(kernel, &columns, |k, i, o| {
                     #[cfg(target_arch = "x86_64")]
                     if let Some(compiled) = &k.compiled {
-                        return compiled.run::<f32, 16>(i, o);
+                        return compiled.run(i, o);
                     }
                     dispatch!(level, simd => run_group::<Lanes<_>, WIDE>(simd, k, i, o));
                 }))

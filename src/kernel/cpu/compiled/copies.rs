@@ -5,18 +5,12 @@
 
 use std::collections::HashMap;
 
-use super::assemble::ACTIVE;
 use super::segment::{Activity, Segment, Target};
 use super::trace::{Operation, Place, Value};
 
 /// Vectors in step. Marches take longer with more: fewer lanes are busy while the last of them iterates, and values go to
 /// memory for want of registers.
-pub(super) const COPIES: usize = 2;
-
-/// The mask register that holds the active lanes of a copy.
-pub(super) fn active_mask(copy: u8) -> u8 {
-    ACTIVE - copy
-}
+pub(in crate::kernel::cpu) const COPIES: usize = 2;
 
 impl Segment {
     /// The code for `count` vectors, by turns an operation of each. A place of a further copy lies so many behind that of the

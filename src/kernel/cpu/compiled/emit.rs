@@ -5,16 +5,17 @@
 
 use std::ops::Range;
 
-use super::assemble::{Assembler, Function, Fused, Source};
-use super::copies::active_mask;
+use super::active::Active;
+use super::assemble::{Assembler, Function, Source};
+use super::instructions::Fused;
 use super::segment::{Activity, CallSlots, Segment, Slots, Target};
 use super::trace::{Binary, Operation, Place, Unary, Value};
 
-/// Vector registers of the machine.
-pub(super) const REGISTERS: u8 = 32;
+/// Most vector registers of any instruction set.
+const MOST_REGISTERS: usize = 32;
 /// The first mask register that values may take: the machine's first cannot hold one, its last are the active lanes.
 const FIRST_MASK: u8 = 1;
-/// Mask registers of the machine.
+/// Mask registers of a machine that has them.
 const MASKS: usize = 8;
 
 impl Segment {
@@ -51,9 +52,9 @@ struct Emitter<'a> {
     spilled: Vec<bool>,
     /// Slots whose values are dead, but which the current operation may still read from.
     dying_slots: Vec<u16>,
-    vectors: [Option<Value>; REGISTERS as usize],
+    vectors: [Option<Value>; MOST_REGISTERS],
     masks: [Option<Value>; MASKS],
-    /// Copies in step; each has a mask register for its active lanes.
+    /// Copies in step.
     copies: u8,
 }
 
@@ -85,7 +86,7 @@ impl<'a> Emitter<'a> {
             memory: vec![None; count],
             spilled: vec![false; count],
             dying_slots: Vec::new(),
-            vectors: [None; REGISTERS as usize],
+            vectors: [None; MOST_REGISTERS],
             masks: [None; MASKS],
             copies: segment.activity.len() as u8,
         };
@@ -102,7 +103,10 @@ impl<'a> Emitter<'a> {
                     emitter.home[i] = Some(register);
                     emitter.vectors[register as usize] = Some(i as Value);
                 }
-                Operation::Read(Place::Active(copy)) => emitter.home[i] = Some(active_mask(copy)),
+                Operation::Read(Place::Active(copy)) => match emitter.assembler.active(copy) {
+                    Active::Mask(register) => emitter.home[i] = Some(register),
+                    Active::Slot(slot) => emitter.memory[i] = Some(Source::Slot(slot)),
+                },
                 _ => {}
             }
         }
@@ -122,6 +126,11 @@ impl<'a> Emitter<'a> {
         self.home[value as usize].is_some_and(|r| r < self.limit) && !self.is_used_later(value)
     }
 
+    /// True when the value lives in mask registers, where the machine has them.
+    fn is_in_masks(&self, value: Value) -> bool {
+        self.assembler.set.has_masks() && self.operations[value as usize].is_mask()
+    }
+
     /// Saves a value to the frame, unless it is in memory.
     fn spill(&mut self, value: Value) {
         let i = value as usize;
@@ -129,7 +138,7 @@ impl<'a> Emitter<'a> {
             return;
         }
         let (Some(home), slot) = (self.home[i], self.slots.take()) else { return };
-        match self.operations[i].is_mask() {
+        match self.is_in_masks(value) {
             true => self.assembler.mask_store(slot, home),
             false => self.assembler.store(slot, home),
         }
@@ -145,11 +154,10 @@ impl<'a> Emitter<'a> {
 
     /// The same for a mask register.
     fn take_mask(&mut self, keep: &[Value]) -> u8 {
-        self.take(FIRST_MASK..self.end_of_masks(), keep, |emitter, r| &mut emitter.masks[r as usize])
-    }
-
-    fn end_of_masks(&self) -> u8 {
-        active_mask(self.copies - 1)
+        match self.assembler.active(self.copies - 1) {
+            Active::Mask(end) => self.take(FIRST_MASK..end, keep, |emitter, r| &mut emitter.masks[r as usize]),
+            Active::Slot(_) => self.take_vector(keep),
+        }
     }
 
     fn take(
@@ -173,7 +181,7 @@ impl<'a> Emitter<'a> {
 
     fn hold(&mut self, value: Value, register: u8) {
         self.home[value as usize] = Some(register);
-        match self.operations[value as usize].is_mask() {
+        match self.is_in_masks(value) {
             true => self.masks[register as usize] = Some(value),
             false => self.vectors[register as usize] = Some(value),
         }
@@ -192,6 +200,9 @@ impl<'a> Emitter<'a> {
     }
 
     fn mask_register(&mut self, value: Value, keep: &[Value]) -> u8 {
+        if !self.is_in_masks(value) {
+            return self.register(value, keep);
+        }
         if let Some(home) = self.home[value as usize] {
             return home;
         }
@@ -232,9 +243,9 @@ impl<'a> Emitter<'a> {
                 continue;
             }
             if let Some(home) = self.home[i].take()
-                && home < REGISTERS
+                && home < self.assembler.set.registers()
             {
-                match self.operations[i].is_mask() {
+                match self.is_in_masks(value) {
                     true => self.masks[home as usize] = None,
                     false => self.vectors[home as usize] = None,
                 }
@@ -283,8 +294,9 @@ impl<'a> Emitter<'a> {
                 self.hold(value, dst);
             }
             Operation::Select(mask, a, b) => {
-                let mask = self.mask_register(mask, &[mask]);
-                let (otherwise, then) = (self.register(b, &[a, b]), self.source(a, &[a, b]));
+                let keep = [mask, a, b];
+                let mask = self.mask_register(mask, &keep);
+                let (otherwise, then) = (self.register(b, &keep), self.source(a, &keep));
                 let dst = self.result(operation);
                 self.assembler.select(dst, mask, otherwise, then);
                 self.hold(value, dst);
@@ -377,12 +389,11 @@ impl<'a> Emitter<'a> {
             self.spill(value);
             self.home[value as usize] = None;
         }
-        self.vectors = [None; REGISTERS as usize];
+        self.vectors = [None; MOST_REGISTERS];
         self.masks = [None; MASKS];
-        let saved = |copy: u8| (active_mask(copy), self.calls.first + 4 + u16::from(copy));
-        (0..self.copies).map(saved).for_each(|(mask, slot)| self.assembler.mask_store(slot, mask));
+        self.assembler.save_active(self.copies);
         self.assembler.call(function, self.calls.first);
-        (0..self.copies).map(saved).for_each(|(mask, slot)| self.assembler.mask_load(mask, slot));
+        self.assembler.restore_active(self.copies);
     }
 
     fn finish(&mut self, segment: &Segment) {
@@ -390,7 +401,7 @@ impl<'a> Emitter<'a> {
         for (copy, activity) in segment.activity.iter().enumerate() {
             if let Activity::Become(mask) = *activity {
                 let mask = self.mask_register(mask, &[]);
-                self.assembler.mask_copy(active_mask(copy as u8), mask);
+                self.assembler.activate(copy as u8, mask);
             }
         }
         self.move_out_of_the_way(segment);
@@ -404,14 +415,23 @@ impl<'a> Emitter<'a> {
                 Target::Register(to) => self.assembler.load(to, Source::Register(register)),
                 // Registers of a state lie by copy.
                 Target::ActiveRegister(to) => {
-                    self.assembler.merge(to, active_mask((to - self.limit) % self.copies), register);
+                    let copy = (to - self.limit) % self.copies;
+                    let condition = match self.assembler.active(copy) {
+                        Active::Mask(condition) => condition,
+                        Active::Slot(slot) => {
+                            let condition = self.take_vector(&[*value]);
+                            self.assembler.load(condition, Source::Slot(slot));
+                            condition
+                        }
+                    };
+                    self.assembler.merge(to, condition, register);
                 }
             }
         }
         for (copy, activity) in segment.activity.iter().enumerate() {
             if let Activity::Lose(mask) = *activity {
-                let (mask, active) = (self.mask_register(mask, &[]), active_mask(copy as u8));
-                self.assembler.mask_and_not(active, mask, active);
+                let mask = self.mask_register(mask, &[]);
+                self.assembler.deactivate(copy as u8, mask);
             }
         }
         for i in 0..self.operations.len() {

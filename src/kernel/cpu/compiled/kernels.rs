@@ -1,8 +1,8 @@
 //! Kernels as machine code: their tapes as straight-line segments, and the loops between them.
 
 use super::assemble::{Assembler, Counter};
-use super::copies::{COPIES, active_mask};
-use super::emit::REGISTERS;
+use super::copies::COPIES;
+use super::instructions::InstructionSet;
 use super::kit::Kits;
 use super::segment::{Activity, CallSlots, Segment, Slots, Target};
 use super::trace::{Place, Recorder, Traced, TracedMask, Value};
@@ -15,12 +15,13 @@ use crate::kernel::cpu::tapes::{EstimatorTapes, MarchTapes, OrbitTapes, Program,
 use crate::kernel::tape::Tape;
 use crate::math::Real;
 
-/// Most registers that an orbit's state may keep through its iterations.
-const MOST_SET_ASIDE: usize = 14;
-
 /// Compiles a kernel; `None` where the system allows no code to be made.
-pub(in crate::kernel::cpu) fn compile(program: &Program, precision: Precision) -> Option<Compiled> {
-    let mut builder = Builder::new(precision, COPIES);
+pub(in crate::kernel::cpu) fn compile(
+    program: &Program,
+    precision: Precision,
+    set: InstructionSet,
+) -> Option<Compiled> {
+    let mut builder = Builder::new(set, precision, COPIES);
     builder.assembler.enter();
     let columns = match program {
         Program::Map(set) => builder.map(set),
@@ -29,7 +30,7 @@ pub(in crate::kernel::cpu) fn compile(program: &Program, precision: Precision) -
     };
     builder.assembler.leave();
     let slots = builder.slots.len();
-    Some(Compiled { precision, copies: COPIES, code: builder.assembler.finish()?, slots, columns })
+    Some(Compiled { set, precision, copies: COPIES, code: builder.assembler.finish()?, slots, columns })
 }
 
 impl Columns {
@@ -46,6 +47,8 @@ struct Builder {
     precision: Precision,
     /// Vectors in step.
     copies: usize,
+    /// Vector registers.
+    registers: u8,
     assembler: Assembler,
     slots: Slots,
     calls: CallSlots,
@@ -187,21 +190,17 @@ impl Around for AroundMarch<'_> {
 }
 
 impl Builder {
-    fn new(precision: Precision, copies: usize) -> Builder {
+    fn new(set: InstructionSet, precision: Precision, copies: usize) -> Builder {
         let mut slots = Slots::default();
-        let calls = CallSlots { first: slots.take_many(CallSlots::COUNT), kits: Kits { precision } };
-        Builder { precision, copies, assembler: Assembler::new(precision), slots, calls }
+        let calls = CallSlots { first: slots.take_many(CallSlots::COUNT), kits: Kits { set, precision } };
+        let assembler = Assembler::new(set, precision, calls.first_active());
+        Builder { precision, copies, registers: set.registers(), assembler, slots, calls }
     }
 
     /// Slots for values of all copies: first those of one value, then those of the next.
     fn places(&mut self, count: usize) -> Vec<Place> {
         let first = self.slots.take_many(count * self.copies);
         (0..count).map(|i| Place::Slot(first + (i * self.copies) as u16)).collect()
-    }
-
-    /// The masks of active lanes.
-    fn active(&self) -> Vec<u8> {
-        (0..self.copies as u8).map(active_mask).collect()
     }
 
     fn recorder(&self) -> Recorder {
@@ -223,7 +222,7 @@ impl Builder {
         let values = read_all(&recorder, &inputs);
         let results = run_tape(&recorder, set, tape, &values);
         let stored = store_all(&results, &outputs);
-        self.emit(recorder, stored, Activity::Unchanged, REGISTERS);
+        self.emit(recorder, stored, Activity::Unchanged, self.registers);
         Columns::new(&inputs, &outputs, None)
     }
 
@@ -239,7 +238,7 @@ impl Builder {
         let start = self.assembler.label();
         self.assembler.place(start);
         self.estimator(&tapes.estimator, &around);
-        self.assembler.jump_if_enough(&self.active(), start);
+        self.assembler.jump_if_enough_active(self.copies as u8, start);
         Columns::new(&around.columns, &around.columns[RAY..], Some(f64::from(tapes.max_march_steps)))
     }
 
@@ -287,7 +286,7 @@ impl Builder {
         let zero = Traced::splat(&recorder, 0.0);
         let total = counts.into_iter().fold(zero, |sum, count| sum + count);
         let (outputs, activity) = around.end(&recorder, &combined, total, live);
-        let limit = last.as_ref().map_or(REGISTERS, |(_, places)| places.limit);
+        let limit = last.as_ref().map_or(self.registers, |(_, places)| places.limit);
         self.emit(recorder, outputs, activity, limit);
     }
 
@@ -297,17 +296,17 @@ impl Builder {
         let state = self.places(orbit.state + 1);
         let in_slots = |state: Vec<Place>| {
             let n = state[orbit.state];
-            Places { state: state[..orbit.state].to_vec(), frozen: frozen.clone(), n, iteration, limit: REGISTERS }
+            Places { state: state[..orbit.state].to_vec(), frozen: frozen.clone(), n, iteration, limit: self.registers }
         };
         let places = in_slots(state);
         let mut items = orbit.set.tapes[orbit.items..].iter();
-        if (orbit.state + 1) * self.copies > MOST_SET_ASIDE
+        if (orbit.state + 1) * self.copies > self.assembler.set.most_set_aside()
             || items.any(|item| item_segment(self.recorder(), orbit, item, &places).has_calls())
         {
             return places;
         }
-        let limit = REGISTERS - ((orbit.state + 1) * self.copies) as u8;
-        let registers = (limit..REGISTERS).step_by(self.copies).map(Place::Register).collect();
+        let limit = self.registers - ((orbit.state + 1) * self.copies) as u8;
+        let registers = (limit..self.registers).step_by(self.copies).map(Place::Register).collect();
         Places { limit, ..in_slots(registers) }
     }
 
@@ -356,7 +355,7 @@ impl Builder {
         self.assembler.set_counter(Counter::Iterations, orbit.max_iterations);
         self.assembler.set_counter(Counter::Schedule, 0);
         self.assembler.place(again);
-        self.assembler.jump_if_none(&self.active(), done);
+        self.assembler.jump_if_none_active(self.copies as u8, done);
         let labels: Vec<_> = items.iter().map(|_| self.assembler.label()).collect();
         if items.len() > 1 {
             let schedule = &orbit.schedule;

@@ -1,31 +1,33 @@
 //! The maths kit's functions in the form that compiled code calls.
 
-use fearless_simd::{Avx512, Simd};
+use fearless_simd::{Avx2, Avx512, Simd};
 
-use super::Vector;
 use super::assemble::Function;
+use super::instructions::InstructionSet;
 use super::trace::Kit;
 use crate::kernel::cpu::Precision;
 use crate::math::{Lanes, Pack, Real};
 
-/// The kit of one precision.
+/// The kit of one instruction set and precision.
 #[derive(Clone, Copy)]
 pub(super) struct Kits {
+    pub(super) set: InstructionSet,
     pub(super) precision: Precision,
 }
 
 impl Kits {
     /// The function that computes the first two vectors' results into the next two.
     pub(super) fn function(self, kit: Kit) -> Function {
-        let functions: [Function; 2] = match kit {
-            Kit::SinCos => [wide::sin_cos, scalar::sin_cos],
-            Kit::Atan2 => [wide::atan2, scalar::atan2],
-            Kit::Acos => [wide::acos, scalar::acos],
-            Kit::Asin => [wide::asin, scalar::asin],
-            Kit::Exp => [wide::exp, scalar::exp],
-            Kit::Ln => [wide::ln, scalar::ln],
-            Kit::Pow => [wide::pow, scalar::pow],
+        let [wide, narrow]: [[Function; 2]; 2] = match kit {
+            Kit::SinCos => [[wide::sin_cos, scalar_8::sin_cos], [narrow::sin_cos, scalar_4::sin_cos]],
+            Kit::Atan2 => [[wide::atan2, scalar_8::atan2], [narrow::atan2, scalar_4::atan2]],
+            Kit::Acos => [[wide::acos, scalar_8::acos], [narrow::acos, scalar_4::acos]],
+            Kit::Asin => [[wide::asin, scalar_8::asin], [narrow::asin, scalar_4::asin]],
+            Kit::Exp => [[wide::exp, scalar_8::exp], [narrow::exp, scalar_4::exp]],
+            Kit::Ln => [[wide::ln, scalar_8::ln], [narrow::ln, scalar_4::ln]],
+            Kit::Pow => [[wide::pow, scalar_8::pow], [narrow::pow, scalar_4::pow]],
         };
+        let functions = if self.set == InstructionSet::Avx512 { wide } else { narrow };
         functions[usize::from(self.precision == Precision::F64)]
     }
 }
@@ -34,47 +36,73 @@ impl Kits {
 ///
 /// # Safety
 ///
-/// The processor must have AVX-512, and four vectors must lie at the address.
+/// The processor must have the token's instruction set, and four vectors of `LANES` numbers must lie at the address.
 #[inline(always)]
-unsafe fn apply_wide(at: *mut u8, f: impl FnOnce([Lanes<Avx512>; 2]) -> [Lanes<Avx512>; 2]) {
-    // SAFETY: the caller's promises.
-    let (token, vectors) = unsafe { (Avx512::assume_supported(), &mut *at.cast::<[Vector<f32, 16>; 4]>()) };
+unsafe fn apply_lanes<S: Simd, const LANES: usize>(
+    token: S,
+    at: *mut u8,
+    f: impl FnOnce([Lanes<S>; 2]) -> [Lanes<S>; 2],
+) {
+    // SAFETY: the caller's promise.
+    let vectors = unsafe { &mut *at.cast::<[[f32; LANES]; 4]>() };
     token.vectorize(
         #[inline(always)]
         || {
-            let [first, second] = f([Lanes::load(token, &vectors[0].0), Lanes::load(token, &vectors[1].0)]);
-            first.store(&mut vectors[2].0);
-            second.store(&mut vectors[3].0);
+            let [first, second] = f([Lanes::load(token, &vectors[0]), Lanes::load(token, &vectors[1])]);
+            first.store(&mut vectors[2]);
+            second.store(&mut vectors[3]);
         },
     );
+}
+
+/// The same with AVX-512.
+///
+/// # Safety
+///
+/// The processor must have it; four vectors must lie at the address.
+#[inline(always)]
+unsafe fn apply_wide(at: *mut u8, f: impl FnOnce([Lanes<Avx512>; 2]) -> [Lanes<Avx512>; 2]) {
+    // SAFETY: the caller's promises.
+    unsafe { apply_lanes::<_, 16>(Avx512::assume_supported(), at, f) }
+}
+
+/// The same with AVX2.
+///
+/// # Safety
+///
+/// The processor must have it; four vectors must lie at the address.
+#[inline(always)]
+unsafe fn apply_narrow(at: *mut u8, f: impl FnOnce([Lanes<Avx2>; 2]) -> [Lanes<Avx2>; 2]) {
+    // SAFETY: the caller's promises.
+    unsafe { apply_lanes::<_, 8>(Avx2::assume_supported(), at, f) }
 }
 
 /// Applies a function to the vectors at an address, lane by lane: as the interpreter does.
 ///
 /// # Safety
 ///
-/// Four vectors must lie at the address.
+/// Four vectors of `LANES` numbers must lie at the address.
 #[inline(always)]
-unsafe fn apply_scalar(at: *mut u8, f: impl Fn([f64; 2]) -> [f64; 2]) {
+unsafe fn apply_scalar<const LANES: usize>(at: *mut u8, f: impl Fn([f64; 2]) -> [f64; 2]) {
     // SAFETY: the caller's promise.
-    let vectors = unsafe { &mut *at.cast::<[Vector<f64, 8>; 4]>() };
-    for lane in 0..8 {
-        [vectors[2].0[lane], vectors[3].0[lane]] = f([vectors[0].0[lane], vectors[1].0[lane]]);
+    let vectors = unsafe { &mut *at.cast::<[[f64; LANES]; 4]>() };
+    for lane in 0..LANES {
+        [vectors[2][lane], vectors[3][lane]] = f([vectors[0][lane], vectors[1][lane]]);
     }
 }
 
 macro_rules! functions {
-    ($apply:ident; $($name:ident($a:ident, $b:ident) $body:expr;)*) => { $(
+    ($apply:path; $($name:ident($a:ident, $b:ident) $body:expr;)*) => { $(
         /// Called by compiled code only, which keeps the conditions.
         pub(super) unsafe extern "sysv64" fn $name(at: *mut u8) {
-            // SAFETY: compiled code runs only where the processor has AVX-512, and gives its frame's call slots.
+            // SAFETY: compiled code runs only where the processor has its instruction set, and gives its frame's call slots.
             unsafe { $apply(at, #[inline(always)] |[$a, $b]| { let _ = $b; $body }) }
         }
     )* };
 }
 
 macro_rules! kit {
-    ($module:ident, $apply:ident) => {
+    ($module:ident, $apply:path) => {
         mod $module {
             use super::*;
             functions! { $apply;
@@ -91,4 +119,6 @@ macro_rules! kit {
 }
 
 kit!(wide, apply_wide);
-kit!(scalar, apply_scalar);
+kit!(narrow, apply_narrow);
+kit!(scalar_8, apply_scalar::<8>);
+kit!(scalar_4, apply_scalar::<4>);

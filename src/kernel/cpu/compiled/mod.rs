@@ -1,32 +1,35 @@
-//! Tapes as machine code, for processors with AVX-512: what the interpreter does, without its loads and stores.
+//! Tapes as machine code, for processors with AVX-512 or AVX2: what the interpreter does, without its loads and stores.
 //!
-//! A kernel becomes one function over a frame of vectors, two of 16 rays in step (of 8 in f64), with its loops: rays, orbits' states and
-//! temporaries stay in registers, and lanes that are done keep their values by masked moves. Results are those of the
-//! interpreter to the last bit. [`trace`] says what is computed, [`emit`] in which registers, [`assemble`] in which
-//! bytes. Other processors, and systems that allow no such code, have the interpreter.
+//! A kernel becomes one function over a frame of vectors, two in step (each of 16 rays with AVX-512, of 8 with AVX2; half of that in
+//! f64), with its loops: temporaries stay in registers, with AVX-512 also orbits' states, and lanes that are done keep
+//! their values by masked moves. Results are those of the interpreter to the last bit. [`trace`] says what is computed, [`emit`] in
+//! which registers, [`assemble`] and [`active`] in which instructions, of the sets in [`instructions`]. Other processors,
+//! and systems that allow no such code, have the interpreter.
 
+mod active;
 mod assemble;
 mod copies;
 mod emit;
+mod instructions;
 mod kernels;
 mod kit;
 mod segment;
 mod trace;
 
-use self::assemble::MachineCode;
+use std::marker::PhantomData;
+
+use self::assemble::{Line, MachineCode};
+pub(super) use self::copies::COPIES;
+pub(super) use self::instructions::InstructionSet;
 pub(super) use self::kernels::compile;
 use crate::kernel::Status;
 use crate::kernel::cpu::Precision;
 use crate::kernel::cpu::march::{RAY, STATUS, STEPS, start_of};
 
-/// One vector of the frame.
-#[repr(C, align(64))]
-#[derive(Clone, Copy)]
-pub(super) struct Vector<T, const LANES: usize>([T; LANES]);
-
 /// A kernel as machine code.
 #[derive(Clone)]
 pub(super) struct Compiled {
+    set: InstructionSet,
     precision: Precision,
     /// Vectors in step.
     copies: usize,
@@ -47,21 +50,35 @@ struct Columns {
     max_march_steps: Option<f64>,
 }
 
-/// The vectors that machine code works on.
+/// The vectors that machine code works on, each of `LANES` numbers.
 struct Frame<T, const LANES: usize> {
-    vectors: Vec<Vector<T, LANES>>,
+    lines: Vec<Line>,
+    vectors: usize,
     copies: usize,
+    numbers: PhantomData<T>,
 }
 
 impl<T: Element, const LANES: usize> Frame<T, LANES> {
+    fn new(vectors: usize, copies: usize) -> Frame<T, LANES> {
+        let lines = vec![Line::default(); (vectors * size_of::<[T; LANES]>()).div_ceil(size_of::<Line>())];
+        Frame { lines, vectors, copies, numbers: PhantomData }
+    }
+
     /// Elements in step.
     fn lanes(&self) -> usize {
         LANES * self.copies
     }
 
+    /// All vectors.
+    fn vectors(&mut self) -> &mut [[T; LANES]] {
+        // SAFETY: the lines are as long as so many vectors, aligned more strictly, and any bits of them are numbers.
+        unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.vectors) }
+    }
+
     /// One lane of the column that is number `column` of those from the vector `first` on.
     fn lane(&mut self, first: usize, column: usize, lane: usize) -> &mut T {
-        &mut self.vectors[first + column * self.copies + lane / LANES].0[lane % LANES]
+        let vector = first + column * self.copies + lane / LANES;
+        &mut self.vectors()[vector][lane % LANES]
     }
 }
 
@@ -73,21 +90,29 @@ impl Compiled {
         bound
     }
 
-    /// Runs the kernel on columns. `T` and `LANES` must be those that it was compiled for.
-    pub(super) fn run<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
+    /// Runs the kernel on columns. `T` must be the number that it was compiled for.
+    pub(super) fn run<T: Element>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
         assert_eq!(T::PRECISION, self.precision);
-        let vectors = vec![Vector([T::default(); LANES]); self.slots];
-        let mut frame = Frame { vectors, copies: self.copies };
+        match self.set.lanes(self.precision) {
+            16 => self.run_frame::<T, 16>(inputs, outputs),
+            8 => self.run_frame::<T, 8>(inputs, outputs),
+            _ => self.run_frame::<T, 4>(inputs, outputs),
+        }
+    }
+
+    fn run_frame<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
+        assert_eq!(size_of::<[T; LANES]>(), self.set.bytes());
+        let mut frame = Frame::new(self.slots, self.copies);
         match self.columns.max_march_steps {
-            Some(limit) => self.march(&mut frame, limit, inputs, outputs),
-            None => self.map(&mut frame, inputs, outputs),
+            Some(limit) => self.march::<T, LANES>(&mut frame, limit, inputs, outputs),
+            None => self.map::<T, LANES>(&mut frame, inputs, outputs),
         }
     }
 
     fn call<T, const LANES: usize>(&self, frame: &mut Frame<T, LANES>, wanted: u32) {
-        debug_assert_eq!(frame.vectors.len(), self.slots);
-        // SAFETY: `compile` makes code only at the level `Avx512`, and `run` makes the frame as long as it says.
-        unsafe { self.code.run(&mut frame.vectors, wanted) }
+        debug_assert_eq!(frame.vectors, self.slots);
+        // SAFETY: `Cpu` asks for code of its own level only, and `run_frame` makes the frame as long as it says.
+        unsafe { self.code.run(&mut frame.lines, wanted) }
     }
 
     fn map<T: Element, const LANES: usize>(
@@ -102,7 +127,7 @@ impl Compiled {
                 let from = (at + vector * LANES).min(len - 1);
                 let count = LANES.min(len - from);
                 for (i, column) in inputs.iter().enumerate() {
-                    let lanes = &mut frame.vectors[self.columns.inputs + i * self.copies + vector].0;
+                    let lanes = &mut frame.vectors()[self.columns.inputs + i * self.copies + vector];
                     match column[from..].first_chunk() {
                         Some(whole) => *lanes = *whole,
                         None => {
@@ -117,7 +142,7 @@ impl Compiled {
                 let from = (at + vector * LANES).min(len);
                 let count = LANES.min(len - from);
                 for (i, column) in outputs.iter_mut().enumerate() {
-                    let lanes = &frame.vectors[self.columns.outputs + i * self.copies + vector].0;
+                    let lanes = &frame.vectors()[self.columns.outputs + i * self.copies + vector];
                     match column[from..].first_chunk_mut() {
                         Some(whole) => *whole = *lanes,
                         None => column[from..].copy_from_slice(&lanes[..count]),
@@ -173,7 +198,7 @@ impl Compiled {
     }
 }
 
-/// The number of one lane.
+/// The number of one lane: of four or eight bytes, of which all patterns are numbers.
 pub(super) trait Element: Copy + Default + PartialOrd + Into<f64> {
     const PRECISION: Precision;
     fn from_f64(x: f64) -> Self;

@@ -61,7 +61,7 @@ impl Slots {
     }
 }
 
-/// Slots that calls use: two arguments, two results, and the active lanes of all copies meanwhile.
+/// Slots that calls use: two arguments, two results; then those of the copies' active lanes.
 #[derive(Clone, Copy)]
 pub(super) struct CallSlots {
     pub(super) first: u16,
@@ -70,6 +70,11 @@ pub(super) struct CallSlots {
 
 impl CallSlots {
     pub(super) const COUNT: usize = 4 + COPIES;
+
+    /// The first of the slots for the active lanes.
+    pub(super) fn first_active(self) -> u16 {
+        self.first + 4
+    }
 }
 
 impl Segment {
