@@ -25,14 +25,8 @@ fn with_pipeline(name: &str, size: Size, check: impl Fn(&Arena, &Pipeline)) {
 }
 
 /// Runs a kernel both ways, compares the columns bit by bit, and gives them.
-fn run_both(
-    arena: &Arena,
-    precision: Precision,
-    label: &str,
-    kernel: &Kernel,
-    inputs: &[&Vec<Vec<f64>>],
-) -> Vec<Vec<f64>> {
-    let (compiled, interpreted) = (Cpu::new(precision), Cpu::new(precision).interpreted());
+fn run_both(arena: &Arena, cpu: Cpu, label: &str, kernel: &Kernel, inputs: &[&Vec<Vec<f64>>]) -> Vec<Vec<f64>> {
+    let (compiled, interpreted) = (cpu, cpu.interpreted());
     let run = |cpu: &Cpu| {
         let columns: Vec<_> = inputs.iter().map(|c| cpu.upload(c).expect("columns fit")).collect();
         let kernel = cpu.prepare(arena, kernel).expect("the CPU takes every kernel");
@@ -46,7 +40,8 @@ fn run_both(
             let same = x.to_bits() == y.to_bits() || x.is_nan() && y.is_nan();
             assert!(
                 same,
-                "{label}, {precision:?}: column {i} of {names:?}, element {k}: compiled {x}, interpreted {y}"
+                "{label}, {}: column {i} of {names:?}, element {k}: compiled {x}, interpreted {y}",
+                cpu.description()
             );
         }
     }
@@ -55,19 +50,28 @@ fn run_both(
 
 #[test]
 fn machine_code_gives_the_interpreters_results_in_f32() {
-    compare(Precision::F32);
+    compare_sets(Precision::F32);
 }
 
 #[test]
 fn machine_code_gives_the_interpreters_results_in_f64() {
-    compare(Precision::F64);
+    compare_sets(Precision::F64);
 }
 
-fn compare(precision: Precision) {
-    if !Cpu::new(precision).compiles() {
+/// Every instruction set that this processor has.
+fn compare_sets(precision: Precision) {
+    let best = Cpu::new(precision);
+    if !best.compiles() {
         eprintln!("skipped: this processor has neither AVX-512 nor AVX2, so kernels are interpreted");
         return;
     }
+    compare(best);
+    if best.narrow().description() != best.description() {
+        compare(best.narrow());
+    }
+}
+
+fn compare(cpu: Cpu) {
     let size = Size { width: 72, height: 54 };
     for (name, _) in bulbfold::formula::embedded::FRACTALS {
         with_pipeline(name, size, |arena, pipeline| {
@@ -75,7 +79,7 @@ fn compare(precision: Precision) {
             let x = pixels.iter().map(|p| f64::from(p.0) + 0.5).collect();
             let y = pixels.iter().map(|p| f64::from(p.1) + 0.5).collect();
             let run = |part: &str, kernel: &Kernel, inputs: &[&Vec<Vec<f64>>]| {
-                run_both(arena, precision, &format!("{name}, {part}"), kernel, inputs)
+                run_both(arena, cpu, &format!("{name}, {part}"), kernel, inputs)
             };
             let rays = run("camera", &pipeline.camera_kernel, &[&vec![x, y]]);
             let hits = run("march", &pipeline.march, &[&rays]);
