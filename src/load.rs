@@ -7,7 +7,7 @@ use crate::formula::embedded;
 use crate::formula::library::Library;
 use crate::formula::ron::{Limits, read_ron};
 use crate::graph::script::run_script;
-use crate::graph::{Override, ValidGraph, read};
+use crate::graph::{Override, PRESET, ValidGraph, expand_presets, read};
 
 /// Largest formula file, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -21,7 +21,7 @@ pub struct Loaded {
 }
 
 /// Loads `what`: a path, or the name of a built-in fractal where there is no such file. `set` holds pairs of a path such
-/// as `power` or `bulb.power` and a value in RON. Steps that lie beside the file are read too. Returns nothing when
+/// as `power` or `bulb.power` and a value in RON; the path `preset` asks for a preset of the file. Steps that lie beside the file are read too. Returns nothing when
 /// `d` has errors.
 pub fn load(library: &mut Library, what: &str, set: &[(String, String)], d: &mut Diagnostics) -> Option<Loaded> {
     let path = Path::new(what);
@@ -69,10 +69,16 @@ pub fn load_text(
         return None;
     }
     let is_script = Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
-    let value = match is_script {
+    let mut value = match is_script {
         true => run_script(library, id, &overrides, d)?,
         false => read_ron(&library.sources, id, &Limits::default(), d)?,
     };
+    let expanded = expand_presets(&value, &overrides, d)?;
+    if is_script && overrides.iter().any(|change| change.path == PRESET) {
+        // A script takes its parameters while it runs, and only then says what its presets are.
+        value = run_script(library, id, &expanded, d)?;
+    }
+    let overrides = expanded;
     let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let graph = read(library, &value, &stem, &overrides, d)?;
     (!d.has_errors()).then_some(Loaded { graph, text: id })
@@ -102,7 +108,9 @@ fn read_text(path: &Path, d: &mut Diagnostics) -> Option<String> {
 fn read_overrides(library: &mut Library, set: &[(String, String)], d: &mut Diagnostics) -> Vec<Override> {
     let mut overrides = Vec::new();
     for (path, text) in set {
-        let id = library.sources.add(format!("--set {path}"), text.as_str());
+        let id = library
+            .sources
+            .add(if path == PRESET { "--preset".into() } else { format!("--set {path}") }, text.as_str());
         let mut own = Diagnostics::default();
         match read_ron(&library.sources, id, &Limits::default(), &mut own) {
             Some(value) if !own.has_errors() => overrides.push(Override { path: path.clone(), value }),

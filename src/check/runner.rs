@@ -15,7 +15,7 @@ use crate::diag::{Diagnostics, Sources, Span};
 use crate::expr::Arena;
 use crate::formula::library::Library;
 use crate::formula::step::{ScalarRule, Step};
-use crate::graph::{NodeKind, ValidGraph};
+use crate::graph::{NodeKind, PRESET, Preset, ValidGraph};
 use crate::kernel::wgsl;
 use crate::load::load;
 use crate::render::{RenderSettings, compose_pipeline};
@@ -165,9 +165,28 @@ impl<'a> Runner<'a> {
         }
         let mut d = Diagnostics::default();
         match load(library, &file.display().to_string(), &[], &mut d) {
-            Some(loaded) => self.graph(library, &loaded.graph, name),
+            Some(loaded) => {
+                self.graph(library, &loaded.graph, name);
+                for preset in &loaded.graph.presets {
+                    self.preset(library, file, preset, &format!("{name}::preset {}", preset.name));
+                }
+            }
             None => self.run(format!("{name}::loads"), None, || Err(d.render(&library.sources, false))),
         }
+    }
+
+    /// Loads and composes a file with one of its presets, and validates its shaders.
+    fn preset(&mut self, library: &mut Library, file: &Path, preset: &Preset, name: &str) {
+        let place = place_of(&library.sources, preset.span);
+        self.run(name.into(), place, || {
+            let set = [(PRESET.to_string(), format!("{:?}", preset.name))];
+            let mut d = Diagnostics::default();
+            let loaded = load(library, &file.display().to_string(), &set, &mut d);
+            let loaded = loaded.ok_or_else(|| d.render(&library.sources, false))?;
+            let arena = Rc::new(Arena::default());
+            let subject = Subject::new(library, &loaded.graph, &arena).map_err(|error| rendered(error, library))?;
+            check_wgsl(&subject)
+        });
     }
 
     fn graph(&mut self, library: &Library, graph: &ValidGraph, name: &str) {

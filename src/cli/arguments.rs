@@ -1,7 +1,7 @@
 //! Arguments that several commands take, and how they are read.
 
 use bulbfold::calibrate::Budget;
-use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method};
+use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, PRESET};
 use bulbfold::kernel::cpu::Precision;
 use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
 use bulbfold::shade::Size;
@@ -247,9 +247,34 @@ fn parse_difference_step(text: &str) -> Result<DifferenceStep, String> {
 pub struct FormulaArgs {
     /// Formula file (.ron), graph script (.rhai) or name of a built-in fractal
     pub file: String,
+    #[command(flatten)]
+    changes: ChangeArgs,
+}
+
+impl FormulaArgs {
+    /// What is changed in the formula.
+    pub fn changes(&self) -> Vec<(String, String)> {
+        self.changes.changes()
+    }
+}
+
+/// Changes to a formula.
+#[derive(Args, Clone, Debug)]
+pub struct ChangeArgs {
+    /// Take the values of one of the file's presets; `bulbfold explain NAME` lists them
+    #[arg(long, value_name = "NAME")]
+    preset: Option<String>,
     /// Replace a parameter, a field or a node's parameter, such as power=4 or bulb.power=4
     #[arg(long, value_name = "PATH=VALUE", value_parser = parse_set)]
-    pub set: Vec<(String, String)>,
+    set: Vec<(String, String)>,
+}
+
+impl ChangeArgs {
+    /// Pairs of a path and a value in RON: the preset's, and then those that stand for themselves.
+    pub fn changes(&self) -> Vec<(String, String)> {
+        let preset = self.preset.iter().map(|name| (PRESET.to_string(), format!("{name:?}")));
+        preset.chain(self.set.iter().cloned()).collect()
+    }
 }
 
 fn parse_fudge(text: &str) -> Result<f64, String> {

@@ -20,7 +20,7 @@ use bulbfold::render::{Pipeline, RenderSettings, Renderer, compose_planned};
 use bulbfold::shade::Size;
 use clap::Args;
 
-use super::arguments::{AutoArgs, BackendArg, PrecisionArg, parse_positive, parse_set, parse_size};
+use super::arguments::{AutoArgs, BackendArg, ChangeArgs, PrecisionArg, parse_positive, parse_size};
 use super::calibration::{Wish, choose_estimate};
 use super::progress::Progress;
 use super::{Failure, Outcome, Session, message, usage};
@@ -39,9 +39,8 @@ pub struct Arguments {
     /// Formula files (.ron), graph scripts (.rhai) or names of built-in fractals
     #[arg(required = true, value_name = "FILE")]
     files: Vec<String>,
-    /// Replace a parameter of every formula, such as power=4
-    #[arg(long, value_name = "PATH=VALUE", value_parser = parse_set)]
-    set: Vec<(String, String)>,
+    #[command(flatten)]
+    changes: ChangeArgs,
     /// Columns and rows of the picture whose rays are marched
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = parse_size)]
     size: Size,
@@ -156,7 +155,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let machine = Machine::open(arguments)?;
     let mut graphs = Vec::new();
     for file in &arguments.files {
-        graphs.push(session.load(file, &arguments.set)?.graph);
+        graphs.push(session.load(file, &arguments.changes.changes())?.graph);
     }
     let mut progress = Progress::new(arguments.quiet);
     let mut all = Vec::new();

@@ -38,7 +38,7 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
+    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let wish = Wish {
         estimate: &arguments.estimate,
         size: arguments.size,

@@ -20,7 +20,7 @@ use bulbfold::render::{RenderSettings, Renderer, compose_pipeline};
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
-use super::arguments::{BackendArg, PrecisionArg, parse_number, parse_set, parse_size};
+use super::arguments::{BackendArg, ChangeArgs, PrecisionArg, parse_number, parse_size};
 use super::progress::Progress;
 use super::session::{check_output, talk};
 use super::{Failure, Outcome, Session, message, usage};
@@ -55,9 +55,8 @@ pub struct Arguments {
     /// What is drawn
     #[arg(long, value_enum, default_value_t = Kind::Cost)]
     kind: Kind,
-    /// Replace a parameter of every formula, such as power=4
-    #[arg(long, value_name = "PATH=VALUE", value_parser = parse_set)]
-    set: Vec<(String, String)>,
+    #[command(flatten)]
+    changes: ChangeArgs,
     /// Rays of the view to sample, from 16 to 100000
     #[arg(long, value_name = "N", default_value_t = 1600, value_parser = clap::value_parser!(u32).range(16..=100_000))]
     rays: u32,
@@ -124,7 +123,7 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Outcome {
     let targets = targets(arguments, &backends);
     let mut graphs = Vec::new();
     for file in &arguments.files {
-        graphs.push(session.load(file, &arguments.set)?.graph);
+        graphs.push(session.load(file, &arguments.changes.changes())?.graph);
     }
     let mut progress = Progress::new(arguments.quiet);
     let mut sheets = Vec::new();

@@ -78,8 +78,8 @@ fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Rc<Ste
     };
     let step = session.library.step(&name).cloned();
     match step {
-        Some(_) if !formula.set.is_empty() => {
-            Err(usage("--set changes fractals, not steps", "check a formula file that uses the step"))
+        Some(_) if !formula.changes().is_empty() => {
+            Err(usage("--set and --preset change fractals, not steps", "check a formula file that uses the step"))
         }
         Some(step) if !text.is_empty() && session.library.sources.text(step.text) != text => {
             let help = "rename the file: steps of one name hide each other";
@@ -90,7 +90,7 @@ fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Rc<Ste
 }
 
 fn formula_health(arguments: &Arguments, session: &mut Session) -> Result<Health, Failure> {
-    let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
+    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let arena = Rc::new(Arena::default());
     let subject = Subject::new(&session.library, &graph, &arena).map_err(|error| session.failure(error))?;
     let mut progress = Progress::new(false);

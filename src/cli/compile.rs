@@ -62,7 +62,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     if let Some(path) = &arguments.output {
         check_output(path, None)?;
     }
-    let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
+    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let text = match arguments.emit {
         Stage::Graph => graph_print::listing(&graph),
         Stage::Dot => graph_print::dot(&graph),

@@ -222,6 +222,14 @@ fn fractal_page(session: &Session, graph: &ValidGraph) -> Result<Vec<Block>, Fai
         });
         blocks.push(Block::Table(vec!["Name", "Default", "Range", "Unit", "Meaning"], rows.collect()));
     }
+    if !graph.presets.is_empty() {
+        blocks.push(Block::Heading(2, "Presets".into()));
+        let rows = graph.presets.iter().map(|preset| {
+            let changes = preset.changes.iter().map(|change| format!("{}: {}", change.path, change.value.kind));
+            vec![preset.name.clone(), preset.help.clone(), changes.collect::<Vec<_>>().join(", ")]
+        });
+        blocks.push(Block::Table(vec!["Name", "What it shows", "Values"], rows.collect()));
+    }
     blocks.push(Block::Heading(2, "Graph".into()));
     blocks.push(Block::Code("text", graph_print::listing(graph)));
     blocks.push(Block::Heading(2, "Distance estimate".into()));

@@ -69,7 +69,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
     let precision = wanted.precision(PrecisionArg::F64)?;
-    let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
+    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let arena = Rc::new(Arena::default());
     let probe = Probe { arguments, session, graph: &graph, arena: &arena, precision };
     match &arguments.rays {

@@ -208,7 +208,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let output = output_path(arguments);
     check_output(&output, Some("png"))?;
     let asked = arguments.prepare()?;
-    let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
+    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let arena = Rc::new(Arena::default());
     let Fitted { graph, settings, pipeline, precision, calibration, composing } =
         fit(session, arguments, asked, &arena, graph)?;

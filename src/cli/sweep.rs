@@ -153,7 +153,7 @@ fn graphs(
     let settings = arguments.settings(PrecisionArg::F32);
     for frame in 0..frames {
         let share = if frames > 1 { f64::from(frame) / f64::from(frames - 1) } else { 0.0 };
-        let (mut set, mut camera) = (arguments.formula.set.clone(), arguments.camera);
+        let (mut set, mut camera) = (arguments.formula.changes(), arguments.camera);
         let mut turn = None;
         for range in &sweep.ranges {
             let value = range.at(share);

@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
     let precision = wanted.precision(PrecisionArg::F64)?;
     let given = arguments.rays_file.as_ref().map(|path| read_rays(path)).transpose()?;
-    let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
+    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let arena = Rc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     let wish = Wish {

@@ -4,6 +4,8 @@
 //! into the types of the program. Every part knows its place, for messages. Always holds for values
 //! from RON: numbers are finite, no struct has a field twice, no map has a key twice.
 
+use std::fmt;
+
 use crate::diag::Span;
 
 /// A value and where it stands.
@@ -108,4 +110,34 @@ impl Name {
         let text = text.into();
         Self { span, text }
     }
+}
+
+impl fmt::Display for ValueKind {
+    /// As a RON file holds it, on one line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ValueKind::Unit => f.write_str("()"),
+            ValueKind::Bool(value) => write!(f, "{value}"),
+            ValueKind::Number(number) => write!(f, "{number}"),
+            ValueKind::Str(text) => write!(f, "{text:?}"),
+            ValueKind::List(items) => write!(f, "[{}]", joined(items.iter().map(|item| item.kind.to_string()))),
+            ValueKind::Tuple { name, items } => {
+                f.write_str(name.as_ref().map_or("", |name| &name.text))?;
+                write!(f, "({})", joined(items.iter().map(|item| item.kind.to_string())))
+            }
+            ValueKind::Struct { name, fields } => {
+                f.write_str(name.as_ref().map_or("", |name| &name.text))?;
+                write!(f, "({})", joined(fields.iter().map(|(name, value)| format!("{}: {}", name.text, value.kind))))
+            }
+            ValueKind::Map(items) => {
+                write!(f, "{{{}}}", joined(items.iter().map(|(key, value)| format!("{}: {}", key.kind, value.kind))))
+            }
+            ValueKind::Variant(name) => f.write_str(&name.text),
+            ValueKind::Invalid => f.write_str("?"),
+        }
+    }
+}
+
+fn joined(parts: impl Iterator<Item = String>) -> String {
+    parts.collect::<Vec<_>>().join(", ")
 }

@@ -7,6 +7,7 @@
 mod fields;
 mod nodes;
 mod overrides;
+mod presets;
 pub mod print;
 mod read;
 mod schedule;
@@ -16,6 +17,7 @@ mod tests_of_formula;
 mod validate;
 
 pub use overrides::Override;
+pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
@@ -63,6 +65,8 @@ pub struct Graph {
     pub bounding_radius: Option<f64>,
     /// Light and colour.
     pub look: Look,
+    /// Named sets of values that the file offers.
+    pub presets: Vec<Preset>,
     /// The file's own tests.
     pub tests: Vec<FormulaTest>,
 }

@@ -6,11 +6,12 @@ use rhai::Scope;
 
 use super::fields::read_look;
 use super::overrides::{Override, apply_override};
+use super::presets::read_presets;
 use super::settings::{Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, Method, OrbitSettings};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
 use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
-use crate::diag::{Diagnostic, Diagnostics, Span};
+use crate::diag::{Diagnostic, Diagnostics, Severity, Span};
 use crate::formula::decode::{Fields, FromValue, check_range, entries};
 use crate::formula::library::Library;
 use crate::formula::script::base_scope;
@@ -19,8 +20,28 @@ use crate::formula::value::{Name, Value, ValueKind};
 /// Nodes that a graph may have.
 const MAX_GRAPH_NODES: usize = 1000;
 
-/// Reads a graph. `name` stands in where the file gives none.
+/// Reads a graph, and checks each of its presets by reading it with that. `name` stands in where the file gives none.
 pub fn read(
+    library: &Library,
+    value: &Value,
+    name: &str,
+    overrides: &[Override],
+    d: &mut Diagnostics,
+) -> Option<ValidGraph> {
+    let graph = read_once(library, value, name, overrides, d)?;
+    let errors = d.error_count();
+    for preset in &graph.presets {
+        let mut own = Diagnostics::default();
+        read_once(library, value, name, &preset.changes, &mut own);
+        for error in own.iter().filter(|diagnostic| diagnostic.severity == Severity::Error) {
+            d.push(error.clone().help(format!("this is with the preset `{}`", preset.name)));
+        }
+    }
+    (d.error_count() == errors).then_some(graph)
+}
+
+/// Reads a graph with some of its values changed.
+fn read_once(
     library: &Library,
     value: &Value,
     name: &str,
@@ -87,6 +108,7 @@ impl Reader<'_> {
         let bounding_radius = fields.optional_value("bounding_radius").and_then(|v| self.number(v, 1e-6, 1e6));
         let look = fields.optional_value("look");
         let look = look.and_then(|v| read_look(self, v)).unwrap_or_default();
+        let presets = fields.optional_value("presets").map(|v| read_presets(v, self.d)).unwrap_or_default();
         let test_values: Vec<Value> = fields.or("tests", Vec::new(), self.d);
         let tests = test_values.iter().filter_map(|v| read_test(self, v)).collect();
         fields.finish(self.d);
@@ -105,6 +127,7 @@ impl Reader<'_> {
             camera,
             bounding_radius,
             look,
+            presets,
             tests,
         })
     }
