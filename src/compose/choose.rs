@@ -162,7 +162,8 @@ fn choose_orbit(
     let has_power = steps.iter().any(|s| s.growth == Some(Growth::Power));
     let has_linear = steps.iter().any(|s| s.growth == Some(Growth::Linear));
     let growth = measure_growth(composer, orbit)?;
-    let facts = Facts { blocking, has_rules: rules.is_some(), power: growth.power };
+    let power = if orbit.settings.shape.is_some() { 1.0 } else { growth.power };
+    let facts = Facts { blocking, has_rules: rules.is_some(), power };
     let applicable: Vec<Method> = Method::ALL.into_iter().filter(|m| facts.why_not(*m).is_none()).collect();
     let blocking = &facts.blocking;
     let (mut method, mut reason) = match (blocking, rules.is_some()) {
@@ -187,6 +188,11 @@ fn choose_orbit(
         }
     }
     let form = match settings.form {
+        Some(form) if orbit.settings.shape.is_some() => {
+            warnings.push(format!("the form `{}` does not apply: the orbit's end shape says what is in", form.name()));
+            DeForm::End
+        }
+        None if orbit.settings.shape.is_some() => DeForm::End,
         Some(form) if method.is_potential() && form != DeForm::Logarithmic => {
             let (form, method) = (form.name(), method.name());
             warnings.push(format!("the form `{form}` does not apply: `{method}` is logarithmic by itself"));
@@ -286,7 +292,7 @@ pub(super) const MEASURED_CYCLE: usize = 16;
 /// Measures the growth of r over one cycle, far out.
 fn measure_growth(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<OrbitGrowth> {
     let (function, iterations) = compose_growth(composer, orbit.root, &orbit.settings)?;
-    let width = composer.graph.state_width(orbit.root) as usize;
+    let width = composer.graph.state_width(orbit.root, &orbit.settings) as usize;
     let cpu = Cpu::new(Precision::F64);
     let points = directions(64, 0.3);
     let radius_after = |scale: f64| -> Vec<f64> {

@@ -14,6 +14,7 @@ pub mod norm;
 mod orbit;
 mod parts;
 pub mod placement;
+mod unrolled;
 
 pub use choose::{Choice, Plan, choose};
 pub use field::{Decider, FieldOrbit, compose_estimator, deciders, field_orbits};

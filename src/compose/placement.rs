@@ -22,8 +22,12 @@ impl Frame {
         self.placements.iter().map(|p| p.scale).product()
     }
 
-    /// A world point in the inner frame.
+    /// A world point in the inner frame. A fourth component is only scaled.
     pub fn local_from_world<'g>(&self, p: Expr<'g>) -> Expr<'g> {
+        if p.ty().width == 4 && !self.placements.is_empty() {
+            let local = self.local_from_world(p.xyz()).components();
+            return p.arena.compose(&[local[0], local[1], local[2], p.component(3) * (1.0 / self.scale())]);
+        }
         self.placements.iter().fold(p, |p, placement| {
             let moved = p - p.arena.v3(placement.translate);
             let turned = rotate(moved, placement.axis, -placement.angle);

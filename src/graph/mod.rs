@@ -21,8 +21,8 @@ pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
-    Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, LEAST_STEP, LEAST_STEP_OF_PROOFS, Look,
-    Method, OrbitSettings,
+    Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, LEAST_STEP, LEAST_STEP_OF_PROOFS,
+    Look, Method, NO_ESCAPE, OrbitSettings,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
 pub use validate::ValidGraph;
@@ -176,6 +176,13 @@ pub enum NodeKind {
     },
     /// A shape with a known distance.
     Primitive(Primitive),
+    /// A shape of a step file, with its parameters in the file's order.
+    Shape {
+        /// The step file.
+        step: Rc<Step>,
+        /// Its parameters, in the order of the file.
+        params: Vec<ParamInput>,
+    },
     /// The nearest of several fields.
     Union(Vec<NodeRef>),
     /// What all fields share.
@@ -309,12 +316,14 @@ impl NodeKind {
     /// The nodes it is wired to.
     pub fn wires(&self) -> Vec<NodeRef> {
         match self {
-            NodeKind::Step { .. } | NodeKind::Primitive(_) => Vec::new(),
+            NodeKind::Step { .. } | NodeKind::Primitive(_) | NodeKind::Shape { .. } => Vec::new(),
             NodeKind::Sequence(of) | NodeKind::Union(of) | NodeKind::Intersection(of) => of.clone(),
             NodeKind::SmoothUnion { of, .. } => of.clone(),
             NodeKind::Repeat { of, .. } | NodeKind::Item { of, .. } | NodeKind::Transform { of, .. } => vec![*of],
             NodeKind::Orbit { of, settings } => {
-                std::iter::once(*of).chain(settings.pre.iter().copied()).chain(settings.post.iter().copied()).collect()
+                let shape = settings.shape.map(|shape| shape.field);
+                let maps = settings.pre.iter().chain(&settings.post).copied();
+                std::iter::once(*of).chain(maps).chain(shape).collect()
             }
             NodeKind::Blend { a, b, .. } => a.iter().copied().chain([*b]).collect(),
             NodeKind::Choose { then, otherwise, .. } => [*then].into_iter().chain(*otherwise).collect(),
@@ -327,7 +336,7 @@ impl NodeKind {
     /// The name of its kind in files; a step's own name.
     pub fn keyword(&self) -> &str {
         match self {
-            NodeKind::Step { step, .. } => &step.name,
+            NodeKind::Step { step, .. } | NodeKind::Shape { step, .. } => &step.name,
             NodeKind::Sequence(_) => "Sequence",
             NodeKind::Repeat { .. } => "Repeat",
             NodeKind::Blend { .. } => "Blend",

@@ -86,7 +86,7 @@ impl Reader<'_> {
             })
             .collect();
         let params = params.into_iter().collect::<Option<Vec<_>>>()?;
-        Some(NodeKind::Step { step, params })
+        Some(if step.is_shape() { NodeKind::Shape { step, params } } else { NodeKind::Step { step, params } })
     }
 
     /// A parameter: a plain value, or an expression of the fractal's parameters and the iteration number `n`.

@@ -37,7 +37,7 @@ pub fn dot(graph: &Graph) -> String {
 fn describe(graph: &Graph, kind: &NodeKind) -> String {
     let wires: Vec<&str> = kind.wires().iter().map(|w| graph.node(*w).name.as_str()).collect();
     match kind {
-        NodeKind::Step { step, params } => {
+        NodeKind::Step { step, params } | NodeKind::Shape { step, params } => {
             let params: Vec<String> =
                 step.params.iter().zip(params).map(|(p, v)| format!("{}: {}", p.name, input(v))).collect();
             format!("{}({})", step.name, params.join(", "))

@@ -14,12 +14,16 @@
 mod rules;
 mod thresholds;
 
+use super::field::shape_at;
 use super::orbit::condition;
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
+use crate::expr::differentiate::reachable;
 use crate::expr::enclose::UNBOUNDED;
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
-use crate::graph::{Condition, Constant, IterationMap, MapTree, Method, NodeRef, OrbitSettings, resolve_schedule};
+use crate::graph::{
+    Condition, Constant, IterationMap, MapTree, Method, NO_ESCAPE, NodeRef, OrbitSettings, resolve_schedule,
+};
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
 use rules::{RuleInputs, StepRule, Tangent, step_rule};
 
@@ -108,7 +112,7 @@ pub(super) fn compose_certified(
     choice: &Choice,
     purpose: Purpose,
 ) -> ComposeResult<Orbit> {
-    let width = composer.graph.state_width(root);
+    let width = composer.graph.state_width(root, settings);
     Builder { composer, settings, frame, width, choice, purpose }.build(name, root)
 }
 
@@ -177,7 +181,8 @@ impl<'a> Builder<'a> {
             items.push(function);
         }
         let mut finish = Function::new(format!("{name}_finish"), ports);
-        finish.output("de", fixed.e0.min(s * MARGIN).max(arena.f(0.0)));
+        let proven = fixed.e0.min(s * MARGIN).max(arena.f(0.0));
+        finish.output("de", self.end_proof(moved, &fixed, proven, n)?);
         if self.purpose == Purpose::Probe {
             finish.output("r", moved.z.length());
             let parts = moved.z.components();
@@ -194,7 +199,8 @@ impl<'a> Builder<'a> {
         let local = self.frame.local_from_world(p);
         let widen = |v: Expr<'a>, w: f64| {
             let parts = v.components();
-            if self.width == 4 { arena.compose(&[parts[0], parts[1], parts[2], arena.f(w)]) } else { v }
+            let embeds = self.settings.pre.iter().any(|node| self.composer.graph.embeds(*node));
+            if self.width == 4 && !embeds { arena.compose(&[parts[0], parts[1], parts[2], arena.f(w)]) } else { v }
         };
         let z = widen(local, self.settings.slice);
         let along = self.choice.method == Method::Certified;
@@ -261,6 +267,42 @@ impl<'a> Builder<'a> {
         let reach = frozen.start.z.length() + frozen.start.l * frozen.e0 + frozen.start.eta;
         let largest = arena.f(self.choice.extent * (1.0 + LARGEST_START));
         reach.le(largest).select(limit, arena.f(self.settings.escape_radius))
+    }
+
+    /// With an end shape the ball is also empty where the image's distance from the shape is above its radius; below 0
+    /// where the start point is in, as deep as is proven the same way. Without one it is what was proven by escaping.
+    fn end_proof(
+        &self,
+        moved: Moved<'a>,
+        fixed: &Frozen<'a>,
+        by_escape: Expr<'a>,
+        n: Expr<'a>,
+    ) -> ComposeResult<Expr<'a>> {
+        let Some(shape) = self.settings.shape else { return Ok(by_escape) };
+        let arena = self.composer.arena;
+        let zero = arena.f(0.0);
+        let context = Context {
+            composer: self.composer,
+            e0: fixed.e0,
+            c: moved.z.lift(0.0),
+            c_l: zero,
+            n,
+            unit: self.choice.unit,
+        };
+        let mut end = moved;
+        for node in &self.settings.post {
+            let (maps, _) = resolve_schedule(self.composer.graph, *node, Constant::Off, 1);
+            end = context.apply(&maps[0].map, end)?;
+        }
+        let f = shape_at(self.composer, shape.field, end.z, n)?;
+        let rounded = reachable(arena, &[f.id]).len() as f64 * 4.0 * self.choice.unit;
+        let sure = f.abs() - end.eta - (end.z.length() + 1.0) * rounded;
+        let known = end.l.lt(arena.f(UNBOUNDED)).and(f.abs().lt(arena.f(UNBOUNDED)));
+        let proven = known.select(sure / end.l.max(arena.f(1e-30)) * MARGIN, zero);
+        let proven = fixed.e0.min(proven).max(zero);
+        // An orbit that escapes is out whatever the shape says, so the inside is proven only where none can.
+        let depth = if self.settings.escape_radius < NO_ESCAPE { zero } else { proven };
+        Ok(f.le(zero).select(-depth.max(arena.f(1e-30)), proven.max(by_escape)))
     }
 
     /// The largest start radius proven so far: everything within it is above the threshold now.
