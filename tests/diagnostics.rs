@@ -266,3 +266,29 @@ fn shapes_out_of_place() {
     let sequence = "(\n    nodes: { \"a\": Sequence([mine()]) },\n    output: \"a\",\n)\n";
     expect("shape_in_a_sequence", &message(sequence, &shape("", exact)));
 }
+
+#[test]
+fn levels_without_any() {
+    graph(
+        "levels_without_any",
+        "(\n    nodes: {\n        \"a\": scale(),\n        \"b\": Levels(of: \"a\", shape: Box(), from: 3, to: 3, join: Union),\n        \
+         \"c\": Levels(of: \"a\", shape: Box(), to: 3, join: Sum),\n    },\n    output: \"b\",\n)\n",
+    );
+}
+
+#[test]
+fn warp_and_tile_without_their_parts() {
+    graph(
+        "warp_and_tile_without_their_parts",
+        "(\n    nodes: {\n        \"a\": Tile(of: Box()),\n        \"b\": Warp(of: Box()),\n    },\n    output: \"a\",\n)\n",
+    );
+}
+
+#[test]
+fn warp_by_what_is_no_map_of_space() {
+    graph(
+        "warp_by_what_is_no_map_of_space",
+        "(\n    nodes: {\n        \"a\": Warp(of: Box(), by: Sphere()),\n        \"b\": Warp(of: \"a\", by: stereographic()),\n    \
+         },\n    output: \"b\",\n)\n",
+    );
+}

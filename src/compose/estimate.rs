@@ -34,21 +34,15 @@ impl<'a> OrbitBuilder<'a> {
     ) -> ComposeResult<()> {
         let arena = self.composer.arena;
         let end = self.end(state, n)?;
-        match self.purpose {
-            Purpose::Surface => {
-                let gradient = self.gradient(&end, constants.h);
-                let slope = gradient.map_or(arena.f(0.0), scaled_length);
-                let direction = gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
-                function.output("gradient", direction / slope.max(arena.f(1e-30)));
-                function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
-                function.output("de", self.distance(end.size, slope, n));
+        let far = || state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4]));
+        match (self.purpose, &state.joined) {
+            (Purpose::Surface, Some(joined)) => {
+                function.output("gradient", joined.gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0])));
+                function.output("trap", far());
+                function.output("de", joined.d);
             }
-            Purpose::Estimate | Purpose::March | Purpose::Probe | Purpose::Decision => {
-                let slope = self.slope(&end, constants.h);
-                let de = self.distance(end.size, slope, n);
-                let follows = self.follows_footprint();
-                function.output("de", if follows { self.mark_resolved(state, constants.hit_eps, de) } else { de });
-            }
+            (_, Some(joined)) => function.output("de", joined.d),
+            (purpose, None) => self.finish_end(function, (state, &end), constants, (purpose, n)),
         }
         if let (Purpose::Decision, Method::Combined, Some(dr)) = (self.purpose, self.choice.method, end.dr) {
             let gradient = self.gradient(&end, constants.h).map_or(arena.f(0.0), scaled_length);
@@ -61,6 +55,49 @@ impl<'a> OrbitBuilder<'a> {
             function.output("z", arena.compose(&[parts[0], parts[1], parts[2], w]));
         }
         Ok(())
+    }
+
+    /// The distance of a state from the orbit's shape, and for surfaces the unit gradient.
+    pub(super) fn looked_up(
+        &self,
+        state: &State<'a>,
+        constants: &Constants<'a>,
+        n: Expr<'a>,
+    ) -> ComposeResult<(Expr<'a>, Option<Expr<'a>>)> {
+        let end = self.end(state, n)?;
+        if self.purpose != Purpose::Surface {
+            return Ok((self.distance(end.size, self.slope(&end, constants.h), n), None));
+        }
+        let gradient = self.gradient(&end, constants.h);
+        let slope = gradient.map_or(self.composer.arena.f(0.0), scaled_length);
+        let unit = gradient.map(|gradient| gradient / slope.max(slope.lift(1e-30)));
+        Ok((self.distance(end.size, slope, n), unit))
+    }
+
+    fn finish_end(
+        &self,
+        function: &mut Function,
+        (state, end): (&State<'a>, &End<'a>),
+        constants: &Constants<'a>,
+        (purpose, n): (Purpose, Expr<'a>),
+    ) {
+        let arena = self.composer.arena;
+        match purpose {
+            Purpose::Surface => {
+                let gradient = self.gradient(end, constants.h);
+                let slope = gradient.map_or(arena.f(0.0), scaled_length);
+                let direction = gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
+                function.output("gradient", direction / slope.max(arena.f(1e-30)));
+                function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
+                function.output("de", self.distance(end.size, slope, n));
+            }
+            Purpose::Estimate | Purpose::March | Purpose::Probe | Purpose::Decision => {
+                let slope = self.slope(end, constants.h);
+                let de = self.distance(end.size, slope, n);
+                let follows = self.follows_footprint();
+                function.output("de", if follows { self.mark_resolved(state, constants.hit_eps, de) } else { de });
+            }
+        }
     }
 
     fn end(&self, state: &State<'a>, n: Expr<'a>) -> ComposeResult<End<'a>> {

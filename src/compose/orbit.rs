@@ -3,6 +3,7 @@
 use rhai::Map;
 
 use super::choose::MEASURED_CYCLE;
+use super::levels::Joined;
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
@@ -76,6 +77,8 @@ pub(super) struct State<'g> {
     pub(super) along: Option<Expr<'g>>,
     pub(super) shifted: Vec<Expr<'g>>,
     pub(super) trap: Option<Expr<'g>>,
+    /// Levels of the orbit's shape so far.
+    pub(super) joined: Option<Joined<'g>>,
 }
 
 impl<'g> State<'g> {
@@ -90,6 +93,10 @@ impl<'g> State<'g> {
         parts.extend(self.along.map(|along| ("along".to_string(), along)));
         parts.extend(numbered("z", &self.shifted));
         parts.extend(self.trap.map(|trap| ("trap".to_string(), trap)));
+        if let Some(joined) = &self.joined {
+            parts.push(("level".to_string(), joined.d));
+            parts.extend(joined.gradient.map(|gradient| ("level_gradient".to_string(), gradient)));
+        }
         parts
     }
 
@@ -107,6 +114,10 @@ impl<'g> State<'g> {
             along: self.along.map(&mut input),
             shifted: self.shifted.iter().map(|e| input(*e)).collect(),
             trap: self.trap.map(&mut input),
+            joined: self
+                .joined
+                .as_ref()
+                .map(|joined| Joined { d: input(joined.d), gradient: joined.gradient.map(&mut input) }),
         }
     }
 
@@ -206,10 +217,10 @@ impl<'a> OrbitBuilder<'a> {
             Shifted::Ray => vec![d],
         };
         let begin = |p: Expr<'a>| -> ComposeResult<Moved<'a>> {
-            let local = self.frame.local_from_world(p);
+            let dr = self.carried.scalar.then(|| arena.f(1.0));
+            let Moved { z: local, dr } = self.frame.locate(self.composer, Moved { z: p, dr })?;
             let z = self.widened(local, self.settings.slice);
             let zero = z.lift(0.0);
-            let dr = self.carried.scalar.then(|| arena.f(1.0 / self.frame.scale()));
             self.apply_all(&self.settings.pre, Moved { z, dr }, zero)
         };
         let first = begin(p)?;
@@ -228,9 +239,12 @@ impl<'a> OrbitBuilder<'a> {
             along,
             shifted: shifted.clone(),
             trap: self.carried.traps.then_some(far),
+            joined: None,
         };
         let dc = first.dr.unwrap_or_else(|| arena.f(0.0));
-        Ok((state, Constants { c: first.z, dc, rows, along, shifted, h, hit_eps }))
+        let constants = Constants { c: first.z, dc, rows, along, shifted, h, hit_eps };
+        let state = self.with_level(state, None, &constants, arena.f(0.0))?;
+        Ok((state, constants))
     }
 
     /// A point as the first state: with `w` added where the state has four components that no first map makes.
@@ -316,7 +330,8 @@ impl<'a> OrbitBuilder<'a> {
             let sizes = z.xyz().abs().components();
             trap.min(arena.compose(&[z.xyz().dot(z.xyz()), sizes[0], sizes[1], sizes[2]]))
         });
-        Ok(State { z, dr, rows, along, shifted, trap })
+        let next = State { z, dr, rows, along, shifted, trap, joined: None };
+        self.with_level(next, state.joined.as_ref(), constants, n + 1.0)
     }
 
     /// The constant of an iteration from the start point's.

@@ -21,8 +21,8 @@ pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
-    Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, LEAST_STEP, LEAST_STEP_OF_PROOFS,
-    Look, Method, NO_ESCAPE, OrbitSettings,
+    Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Join, LEAST_STEP,
+    LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
 pub use validate::ValidGraph;
@@ -208,6 +208,29 @@ pub enum NodeKind {
         /// Where it stands.
         placement: Placement,
     },
+    /// A field seen through a map of space.
+    Warp {
+        /// The field.
+        of: NodeRef,
+        /// The map: what it sends into the field is in.
+        by: NodeRef,
+    },
+    /// Copies of a field side by side.
+    Tile {
+        /// The field, within its cell around the origin.
+        of: NodeRef,
+        /// Where the copies stand.
+        tiling: Tiling,
+    },
+}
+
+/// Copies of a field side by side.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Tiling {
+    /// Distance of the copies along each axis; 0 along axes without copies.
+    pub period: [f64; 3],
+    /// Whether every second copy is mirrored, so that neighbours meet at their walls.
+    pub mirror: bool,
 }
 
 /// When a [`NodeKind::Choose`] takes its first map.
@@ -319,7 +342,11 @@ impl NodeKind {
             NodeKind::Step { .. } | NodeKind::Primitive(_) | NodeKind::Shape { .. } => Vec::new(),
             NodeKind::Sequence(of) | NodeKind::Union(of) | NodeKind::Intersection(of) => of.clone(),
             NodeKind::SmoothUnion { of, .. } => of.clone(),
-            NodeKind::Repeat { of, .. } | NodeKind::Item { of, .. } | NodeKind::Transform { of, .. } => vec![*of],
+            NodeKind::Repeat { of, .. }
+            | NodeKind::Item { of, .. }
+            | NodeKind::Transform { of, .. }
+            | NodeKind::Tile { of, .. } => vec![*of],
+            NodeKind::Warp { of, by } => vec![*of, *by],
             NodeKind::Orbit { of, settings } => {
                 let shape = settings.shape.map(|shape| shape.field);
                 let maps = settings.pre.iter().chain(&settings.post).copied();
@@ -355,6 +382,8 @@ impl NodeKind {
             NodeKind::Difference { .. } => "Difference",
             NodeKind::SmoothUnion { .. } => "SmoothUnion",
             NodeKind::Transform { .. } => "Transform",
+            NodeKind::Warp { .. } => "Warp",
+            NodeKind::Tile { .. } => "Tile",
         }
     }
 }

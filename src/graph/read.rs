@@ -339,7 +339,7 @@ impl Reader<'_> {
             settings.slice = self.number(value, -1e6, 1e6).unwrap_or(settings.slice);
         }
         if let Some(value) = fields.optional_value("end") {
-            settings.shape = self.wire(value).map(|field| EndShape { field });
+            settings.shape = self.wire(value).map(|field| EndShape { field, levels: None });
             settings.escape_radius = if escapes { settings.escape_radius } else { NO_ESCAPE };
         }
         if let Some(value) = fields.optional_value("estimate") {

@@ -297,6 +297,30 @@ pub const NO_ESCAPE: f64 = 1e18;
 pub struct EndShape {
     /// The field, in formula units: where it is not above 0 at z, the start point is in.
     pub field: NodeRef,
+    /// Levels that it is looked up at; at the end alone where absent.
+    pub levels: Option<Levels>,
+}
+
+/// At which levels of an orbit a field is looked up: before any iteration (0), after the first (1) and so on to the end.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Levels {
+    /// First level.
+    pub from: u32,
+    /// How levels are joined.
+    pub join: Join,
+}
+
+/// How the levels of a field are joined.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Join {
+    /// What is in at any level.
+    Union,
+    /// What is in at all levels.
+    Intersection,
+    /// The first level without the others.
+    Difference,
+    /// A union whose seams are rounded with this radius, in units of the orbit's frame.
+    SmoothUnion(f64),
 }
 
 /// How an orbit is iterated.

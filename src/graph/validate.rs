@@ -115,7 +115,9 @@ fn wrap_maps(graph: &mut Graph, node: usize) {
             *a = as_field(graph, *a);
             *b = as_field(graph, *b);
         }
-        NodeKind::Transform { of, .. } => *of = as_field(graph, *of),
+        NodeKind::Transform { of, .. } | NodeKind::Warp { of, .. } | NodeKind::Tile { of, .. } => {
+            *of = as_field(graph, *of);
+        }
         _ => return,
     }
     graph.nodes[node].kind = kind;
@@ -124,6 +126,18 @@ fn wrap_maps(graph: &mut Graph, node: usize) {
 /// Maps may only be made of maps.
 fn check_kinds(graph: &Graph, node: &Node, d: &mut Diagnostics) {
     let takes_maps = node.kind.is_map() || matches!(node.kind, NodeKind::Orbit { .. });
+    if let NodeKind::Warp { by, .. } = &node.kind {
+        let target = graph.node(*by);
+        if !target.kind.is_map() || graph.embeds(*by) {
+            let what = if target.kind.is_map() { "makes four components of three" } else { "is a distance field" };
+            let message = format!("`{}` {what} and cannot warp space", target.name);
+            d.push(
+                Diagnostic::error(message)
+                    .label(node.span, "is warped by a step or a sequence of steps")
+                    .help("`Warp(of: \"field\", by: \"step\")`; fields of four components start with `pre: [...]`"),
+            );
+        }
+    }
     let shape = match &node.kind {
         NodeKind::Orbit { settings, .. } => settings.shape.map(|shape| shape.field),
         _ => None,
@@ -138,7 +152,7 @@ fn check_kinds(graph: &Graph, node: &Node, d: &mut Diagnostics) {
                     Diagnostic::error(message)
                         .label(node.span, "needs maps of the orbit")
                         .label(target.span, "this is a distance field")
-                        .help("fields are joined by Union, Intersection, Difference, SmoothUnion and Transform"),
+                        .help("fields are joined by Union, Intersection, Difference, SmoothUnion, Transform, Warp and Tile"),
                 );
             }
         }
@@ -173,6 +187,10 @@ fn check_unrolled(graph: &Graph, node: &Node, of: NodeRef, settings: &OrbitSetti
     }
     let has_power = graph.any_step(of, |step| step.growth == Some(Growth::Power));
     let logarithmic = settings.estimate.form.map_or(has_power, |form| form == DeForm::Logarithmic);
+    if settings.shape.is_some_and(|shape| shape.levels.is_some()) {
+        let message = "levels cannot stand inside an end shape";
+        d.push(Diagnostic::error(message).label(node.span, "looked up at every level").help("wire their field itself"));
+    }
     if settings.shape.is_none() && !logarithmic && settings.estimate.radius.is_none() {
         d.push(
             Diagnostic::error("an orbit inside an end shape needs the radius of its set")
