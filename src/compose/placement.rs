@@ -77,13 +77,18 @@ impl Frame {
                 Place::Placed(placement) => left * placement.scale,
                 Place::Tiled(..) => left,
                 Place::Warped(by) => {
-                    // Where the map stretches by l at the point, d / l is as far as it can be; over that ball it stretches
-                    // by more, and what that leaves is certain.
-                    let zero = left.lift(0.0);
-                    let here = growth_of(composer, *by, at, zero, unit)?;
-                    let most = left / here.max(left.lift(1e-30));
-                    let over = growth_of(composer, *by, at, most, unit)?;
-                    most.min(left / over.max(left.lift(1e-30)))
+                    // Where the map stretches by l at the point, d / l is as far as it can be; over a ball of that size it
+                    // stretches by more, and what that leaves is certain. Smaller balls prove more beside poles.
+                    let tiny = left.lift(1e-30);
+                    let here = growth_of(composer, *by, at, left.lift(0.0), unit)?;
+                    let most = left / here.max(tiny);
+                    let mut proven = left.lift(0.0);
+                    for share in [1.0, 0.5, 0.25] {
+                        let ball = most * share;
+                        let over = growth_of(composer, *by, at, ball, unit)?;
+                        proven = proven.max(ball.min(left / over.max(tiny)));
+                    }
+                    proven
                 }
             };
         }
