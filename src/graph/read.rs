@@ -7,8 +7,9 @@ use rhai::Scope;
 use super::fields::read_look;
 use super::overrides::{Override, apply_override};
 use super::presets::read_presets;
-use super::presets::read_presets;
-use super::settings::{Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, Method, OrbitSettings};
+use super::settings::{
+    Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Method, NO_ESCAPE, OrbitSettings,
+};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
 use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
