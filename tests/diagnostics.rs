@@ -230,3 +230,65 @@ fn empty_file() {
 fn shape_without_its_parts() {
     graph("shape_without_its_parts", "(\n    nodes: { \"a\": Repeat(), \"b\": Sequence() },\n    output: \"a\",\n)\n");
 }
+
+#[test]
+fn map_as_end_shape() {
+    graph("map_as_end_shape", "(\n    nodes: { \"a\": box_fold() },\n    end: \"a\",\n    output: \"a\",\n)\n");
+}
+
+#[test]
+fn unmeasured_orbit_in_an_end_shape() {
+    graph(
+        "unmeasured_orbit_in_an_end_shape",
+        "(\n    nodes: {\n        \"a\": scale(),\n        \"b\": Orbit(of: \"a\", max_iterations: 30),\n    },\n    \
+         end: \"b\",\n    output: \"a\",\n)\n",
+    );
+}
+
+#[test]
+fn embedding_inside_an_orbit() {
+    graph("embedding_inside_an_orbit", "(\n    nodes: { \"a\": stereographic() },\n    output: \"a\",\n)\n");
+}
+
+/// A shape file as a step, without its worth, and of too many components.
+#[test]
+fn shapes_out_of_place() {
+    let shape = |state: &str, distance: &str| {
+        format!(
+            "fn distance(z, p) {{\n    length(z) - 1.0\n}}\n\n#{{\n    group: \"shape\", summary: \"A test.\", source: \"A test\",{state}{distance}\n    \
+             examples: [#{{ z: [2.0, 0.0, 0.0], expect: 1.0 }}],\n}}\n"
+        )
+    };
+    let used = "(\n    nodes: { \"a\": mine() },\n    output: \"a\",\n)\n";
+    let exact = " distance: \"exact\",";
+    expect("shape_without_its_worth", &message(used, &shape("", "")));
+    expect("shape_of_four_components", &message(used, &shape(" state: 4,", exact)));
+    let sequence = "(\n    nodes: { \"a\": Sequence([mine()]) },\n    output: \"a\",\n)\n";
+    expect("shape_in_a_sequence", &message(sequence, &shape("", exact)));
+}
+
+#[test]
+fn levels_without_any() {
+    graph(
+        "levels_without_any",
+        "(\n    nodes: {\n        \"a\": scale(),\n        \"b\": Levels(of: \"a\", shape: Box(), from: 3, to: 3, join: Union),\n        \
+         \"c\": Levels(of: \"a\", shape: Box(), to: 3, join: Sum),\n    },\n    output: \"b\",\n)\n",
+    );
+}
+
+#[test]
+fn warp_and_tile_without_their_parts() {
+    graph(
+        "warp_and_tile_without_their_parts",
+        "(\n    nodes: {\n        \"a\": Tile(of: Box()),\n        \"b\": Warp(of: Box()),\n    },\n    output: \"a\",\n)\n",
+    );
+}
+
+#[test]
+fn warp_by_what_is_no_map_of_space() {
+    graph(
+        "warp_by_what_is_no_map_of_space",
+        "(\n    nodes: {\n        \"a\": Warp(of: Box(), by: Sphere()),\n        \"b\": Warp(of: \"a\", by: stereographic()),\n    \
+         },\n    output: \"b\",\n)\n",
+    );
+}

@@ -70,8 +70,9 @@ fn examples_of_graph_files_load_and_pass_their_tests() {
 
 #[test]
 fn examples_of_scripts_load_and_pass_their_tests() {
-    let (steps, graphs): (Vec<String>, Vec<String>) =
-        blocks("docs/formulas.md", "rhai").into_iter().partition(|example| example.contains("fn step("));
+    let (steps, graphs): (Vec<String>, Vec<String>) = blocks("docs/formulas.md", "rhai")
+        .into_iter()
+        .partition(|example| bulbfold::formula::shape::is_step_text(example));
     assert!(!steps.is_empty() && !graphs.is_empty());
     let folder = tempfile::tempdir().expect("a folder can be made");
     for (i, example) in steps.iter().enumerate() {

@@ -52,7 +52,7 @@ pub fn key(subject: &Subject, options: &Options) -> Result<String, Diagnostic> {
     // What the maps compute, and the steps' texts, which hold the scalar rules too.
     text.push_str(&instructions(subject.arena, &compose_membership(&composer, &subject.plan.choices)?));
     for node in &subject.graph.nodes {
-        if let NodeKind::Step { step, .. } = &node.kind {
+        if let NodeKind::Step { step, .. } | NodeKind::Shape { step, .. } = &node.kind {
             text.push_str(subject.library.sources.text(step.text));
         }
     }

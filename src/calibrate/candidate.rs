@@ -111,6 +111,7 @@ impl Space {
                 choice.method = method;
             }
             let form = match fixed.form {
+                _ if choice.form == DeForm::End => DeForm::End,
                 Some(form) => form,
                 None if choice.method.is_potential() => DeForm::Logarithmic,
                 None => candidate.form.unwrap_or(choice.form),
@@ -165,6 +166,6 @@ fn other_form(base: &Plan, fixed: &[EstimateSettings], method: Option<Method>) -
         _ if !is_open || !choice.applicable.contains(&method) => None,
         DeForm::Linear => Some(DeForm::Logarithmic),
         DeForm::Logarithmic => Some(DeForm::Linear),
-        DeForm::Box | DeForm::Plane => None,
+        DeForm::Box | DeForm::Plane | DeForm::End => None,
     }
 }

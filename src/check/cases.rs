@@ -189,7 +189,7 @@ impl Case<'_> {
         let mut wrong = Vec::new();
         for (i, p) in points.iter().enumerate() {
             let (a, b) = (2 * i * each, (2 * i + 1) * each);
-            let slack = 1e-6 * radius + relative * values[a].0 + 8.0 * (spread(a) + spread(b));
+            let slack = 1e-6 * radius + relative * values[a].0.abs() + 8.0 * (spread(a) + spread(b));
             let near = (values[a].0 - values[b].0).abs() <= slack || (values[a].0.is_nan() && values[b].0.is_nan());
             let explained = flips(a) || flips(b);
             if !explained && (values[a].1 != values[b].1 || !near) {

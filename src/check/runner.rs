@@ -96,7 +96,7 @@ fn find_files(path: &Path, files: &mut Vec<PathBuf>) {
 
 fn is_step(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "rhai")
-        && std::fs::read_to_string(path).is_ok_and(|text| text.contains("fn step("))
+        && std::fs::read_to_string(path).is_ok_and(|text| crate::formula::shape::is_step_text(&text))
 }
 
 /// A file's name below the folder that was asked for; the path as given where it is that file.
@@ -256,6 +256,9 @@ impl<'a> Runner<'a> {
         }
         if step.differentiable {
             self.run(format!("{name}::derivative::cpu_f64"), None, || case.derivative());
+        }
+        if step.is_shape() {
+            self.run(format!("{name}::slope::cpu_f64"), None, || case.slope());
         }
         if step.scalar_rule == Some(ScalarRule::Exact) && step.differentiable {
             self.run(format!("{name}::rule_is_bound::cpu_f64"), None, || case.bound());

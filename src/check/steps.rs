@@ -10,6 +10,7 @@ use super::formula::rendered;
 use super::random::Random;
 use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
 use crate::formula::library::Library;
+use crate::formula::shape::ShapeDistance;
 use crate::formula::step::{ParamValue, StateWidth, Step, StepExample, StepInputs, Traced, script_value};
 use crate::kernel::Kernel;
 
@@ -24,6 +25,9 @@ const DIFFERENCE: f64 = 1e-5;
 const DERIVATIVE_TOLERANCE: f64 = 1e-5;
 /// Relative share that an exact rule may be below the true stretch: rounding of the singular value.
 const BOUND_TOLERANCE: f64 = 1e-6;
+
+/// Error of a shape's slope.
+const SLOPE_TOLERANCE: f64 = 1e-6;
 
 /// Parameters that differ from the defaults.
 pub(super) type Params = Vec<(String, ParamValue)>;
@@ -41,6 +45,16 @@ pub(super) fn widths(step: &Step) -> &'static [u8] {
         StateWidth::Three => &[3],
         StateWidth::Four => &[4],
         StateWidth::Any => &[3, 4],
+        StateWidth::Embeds => &[3],
+    }
+}
+
+/// Components of what a step makes of a state: a shape's is its distance.
+fn image_width(step: &Step, width: usize) -> usize {
+    match step.state {
+        _ if step.is_shape() => 1,
+        StateWidth::Embeds => 4,
+        _ => width,
     }
 }
 
@@ -71,6 +85,11 @@ impl StepCase<'_> {
         let inputs =
             StepInputs { z: arena.input(0, ty), c: arena.input(1, ty), dr: with_dr.then(|| arena.input(2, Type::F)) };
         let map = self.params(arena, params);
+        if self.step.is_shape() {
+            let Library { engine, sources, .. } = self.library;
+            let distance = self.step.trace_distance(engine, sources, arena, inputs.z, &map);
+            return distance.map(|z| (ports, Traced { z, dr: None })).map_err(|error| rendered(error, self.library));
+        }
         let traced = self.step.trace(&self.library.engine, &self.library.sources, arena, inputs, &map);
         traced.map(|traced| (ports, traced)).map_err(|error| rendered(error, self.library))
     }
@@ -96,10 +115,10 @@ impl StepCase<'_> {
         let size = example.z.iter().chain(&example.expect).fold(1.0, |a: f64, b| a.max(b.abs()));
         let near = |(e, f): (&f64, &f64)| (e - f).abs() <= tolerance * size; // false for NaN
         if !example.expect.iter().zip(&found).all(near) {
-            let text = format!("expected {}, found {}", shown(&example.expect), shown(&found[..width]));
+            let text = format!("expected {}, found {}", shown(&example.expect), shown(&found[..example.expect.len()]));
             return Err(format!("step at z = {}: {text} (tolerance {:.1e})", shown(&example.z), tolerance * size));
         }
-        match (example.dr, found.get(width)) {
+        match (example.dr, found.get(image_width(self.step, width))) {
             (Some((_, expected)), Some(found)) => expect_near("dr", *found, expected, tolerance),
             (Some(_), None) => Err("the example gives `dr`, but the step has no scalar rule".into()),
             (None, _) => Ok(()),
@@ -166,6 +185,7 @@ impl StepCase<'_> {
         let arena = Rc::new(Arena::default());
         let function = self.jacobian_function(&arena, width, params, false)?;
         let n = usize::from(width);
+        let m = image_width(self.step, n);
         // Each point, then along each axis four moves: -h, +h, -h/2, +h/2.
         let mut states = Vec::new();
         for p in points {
@@ -185,12 +205,12 @@ impl StepCase<'_> {
         let each = 1 + 4 * n;
         for (i, p) in points.iter().enumerate() {
             for axis in 0..n {
-                for component in 0..n {
+                for component in 0..m {
                     let value = |k: usize| out[component][i * each + 1 + 4 * axis + k];
                     let h = DIFFERENCE * p.iter().fold(1.0, |a: f64, b| a.max(b.abs()));
                     let (wide, narrow) = ((value(1) - value(0)) / (2.0 * h), (value(3) - value(2)) / h);
                     let one_sided = (out[component][i * each] - value(0)) / h;
-                    let exact = out[n * (1 + axis) + component][i * each];
+                    let exact = out[m * (1 + axis) + component][i * each];
                     let size = wide.abs().max(1.0);
                     // Differences that disagree stand over a crease or a pole; so do one-sided ones that differ.
                     let smooth = (wide - narrow).abs() <= 1e-6 * size && (one_sided - wide).abs() <= 1e-2 * size;
@@ -217,10 +237,11 @@ impl StepCase<'_> {
                 let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns(width, &points));
                 let out = out.map_err(|e| e.to_string())?;
                 let n = usize::from(width);
+                let m = image_width(self.step, n);
                 for (i, p) in points.iter().enumerate() {
                     let columns: Vec<Vec<f64>> =
-                        (0..n).map(|a| (0..n).map(|k| out[n * (1 + a) + k][i]).collect()).collect();
-                    let (stretch, rule) = (largest_stretch(&columns), out[n * (1 + n)][i]);
+                        (0..n).map(|a| (0..m).map(|k| out[m * (1 + a) + k][i]).collect()).collect();
+                    let (stretch, rule) = (largest_stretch(&columns), out[m * (1 + n)][i]);
                     let bounds = rule >= stretch * (1.0 - BOUND_TOLERANCE);
                     if stretch.is_finite() && !bounds {
                         return Err(format!(
@@ -235,7 +256,38 @@ impl StepCase<'_> {
     }
 }
 
-/// The largest singular value of a square matrix given by columns, by Jacobi rotations of the Gram matrix.
+impl StepCase<'_> {
+    /// The slope of a shape's distance: nowhere above 1, and 1 outside of a shape whose distance is exact. Of four
+    /// components it is asked on the unit sphere alone.
+    pub(super) fn slope(&self) -> Result<(), String> {
+        for &width in widths(self.step) {
+            for (params, mut points) in self.samples(width) {
+                if width == 4 {
+                    points.iter_mut().for_each(|p| {
+                        let length = p.iter().map(|x| x * x).sum::<f64>().sqrt();
+                        p.iter_mut().for_each(|x| *x /= length);
+                    });
+                }
+                let arena = Rc::new(Arena::default());
+                let kernel = Kernel::Map(self.jacobian_function(&arena, width, &params, false)?);
+                let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns(width, &points));
+                let out = out.map_err(|e| e.to_string())?;
+                for (i, p) in points.iter().enumerate() {
+                    let slope = (1..=usize::from(width)).map(|k| out[k][i] * out[k][i]).sum::<f64>().sqrt();
+                    let must_rise = self.step.distance == Some(ShapeDistance::Exact) && out[0][i] > 0.0;
+                    let least = if must_rise { 1.0 - SLOPE_TOLERANCE } else { 0.0 };
+                    if !(least..=1.0 + SLOPE_TOLERANCE).contains(&slope) {
+                        let text = format!("expected a slope of {least} to 1 (fn distance), found {slope}");
+                        return Err(format!("at z = {} with {params:?}: {text}", shown(p)));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The largest singular value of a matrix given by columns, by Jacobi rotations of the Gram matrix.
 pub(super) fn largest_stretch(columns: &[Vec<f64>]) -> f64 {
     let n = columns.len();
     let mut g: Vec<Vec<f64>> = (0..n)

@@ -97,7 +97,7 @@ impl<'a> Subject<'a> {
         let h = vec![FIRST_DIFFERENCE; points.len()];
         let columns = backends.run(target, self.arena, kernel, &estimator_columns(points, &h, 1e-9))?;
         let orbits = crate::compose::field_orbits(&self.composer());
-        let width = orbits.first().map_or(3, |o| self.graph.state_width(o.root) as usize);
+        let width = orbits.first().map_or(3, |o| self.graph.state_width(o.root, &o.settings) as usize);
         let first = columns.len() - 4;
         Ok((0..points.len()).map(|i| (0..width).map(|k| columns[first + k][i]).collect()).collect())
     }

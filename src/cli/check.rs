@@ -65,7 +65,7 @@ fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Rc<Ste
         true => std::fs::read_to_string(path).unwrap_or_default(),
         false => String::new(),
     };
-    let name = if text.contains("fn step(") {
+    let name = if bulbfold::formula::shape::is_step_text(&text) {
         let mut d = Diagnostics::default();
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         session.library.add_beside(folder, &mut d);
@@ -84,6 +84,9 @@ fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Rc<Ste
         Some(step) if !text.is_empty() && session.library.sources.text(step.text) != text => {
             let help = "rename the file: steps of one name hide each other";
             Err(usage(format!("{} is hidden by another step `{name}`", path.display()), help))
+        }
+        Some(step) if step.is_shape() => {
+            Err(usage(format!("`{name}` is a shape, and check is for maps"), "`bulbfold test` checks a shape's slope"))
         }
         step => Ok(step),
     }

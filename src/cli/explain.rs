@@ -8,6 +8,7 @@ use bulbfold::compose::{Composer, choose};
 use bulbfold::diag::Diagnostics;
 use bulbfold::expr::{Arena, Function, Port, Type, print};
 use bulbfold::formula::embedded;
+use bulbfold::formula::shape::ShapeDistance;
 use bulbfold::formula::step::{Growth, ParamKind, ParamValue, ScalarRule, StateWidth, Step, StepInputs, script_value};
 use bulbfold::graph::{EstimateSettings, ValidGraph, print as graph_print};
 use bulbfold::kernel::{Kernel, wgsl};
@@ -63,7 +64,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 fn find_step(session: &mut Session, name: &str) -> Result<Option<Rc<Step>>, Failure> {
     let path = Path::new(name);
     let is_step_file = path.extension().is_some_and(|e| e == "rhai")
-        && std::fs::read_to_string(path).is_ok_and(|text| text.contains("fn step("));
+        && std::fs::read_to_string(path).is_ok_and(|text| bulbfold::formula::shape::is_step_text(&text));
     if !is_step_file {
         return Ok(session.library.step(name).cloned());
     }
@@ -81,11 +82,17 @@ pub fn step_page(session: &Session, step: &Step) -> Vec<Block> {
         StateWidth::Three => "x, y and z",
         StateWidth::Four => "x, y, z and w",
         StateWidth::Any => "all components that the orbit has",
+        StateWidth::Embeds => "x, y and z, of which it makes four components",
     };
     let growth = match step.growth {
         Some(Growth::Linear) => "by a factor",
         Some(Growth::Power) => "by a power",
         None => "not at all",
+    };
+    let distance = match step.distance {
+        Some(ShapeDistance::Exact) => "exact",
+        Some(ShapeDistance::Bound) => "a bound: it may be less than the true one",
+        None => "none: it is a map",
     };
     let rule = match step.scalar_rule {
         Some(ScalarRule::Exact) => "exact",
@@ -100,10 +107,14 @@ pub fn step_page(session: &Session, step: &Step) -> Vec<Block> {
         ("Acts on", state),
         ("Far out r grows", growth),
         ("Scalar rule", rule),
+        ("Distance", distance),
         ("Differentiable", if step.differentiable { "yes" } else { "no: finite differences are taken" }),
         ("File", session.library.sources.name(step.text)),
     ];
-    let rows = facts.iter().map(|(name, value)| vec![name.to_string(), value.to_string()]).collect();
+    let of_maps = ["Far out r grows", "Scalar rule"];
+    let applies = |name: &str| if step.is_shape() { !of_maps.contains(&name) } else { name != "Distance" };
+    let facts = facts.iter().filter(|(name, _)| applies(name));
+    let rows = facts.map(|(name, value)| vec![name.to_string(), value.to_string()]).collect();
     blocks.push(Block::Table(vec!["Fact", "Value"], rows));
     if !step.params.is_empty() {
         blocks.push(Block::Heading(2, "Parameters".into()));
@@ -182,6 +193,11 @@ fn code_blocks(session: &Session, step: &Step) -> Result<Vec<Block>, Failure> {
     let params =
         step.params.iter().map(|p| (p.name.clone().into(), script_value(&arena, &p.kind, &p.default))).collect();
     let library = &session.library;
+    if step.is_shape() {
+        let distance = step.trace_distance(&library.engine, &library.sources, &arena, inputs[0], &params);
+        function.output("distance", distance.map_err(|diagnostic| session.failure(diagnostic))?);
+        return Ok(code_of(session, step, &arena, function));
+    }
     let ports = StepInputs { z: inputs[0], c: inputs[1], dr: Some(inputs[2]) };
     let traced = step.trace(&library.engine, &library.sources, &arena, ports, &params);
     let traced = traced.map_err(|diagnostic| session.failure(diagnostic))?;
@@ -189,14 +205,20 @@ fn code_blocks(session: &Session, step: &Step) -> Result<Vec<Block>, Failure> {
     if let Some(dr) = traced.dr {
         function.output("dr", dr);
     }
-    Ok(vec![
+    Ok(code_of(session, step, &arena, function))
+}
+
+/// A traced step in text.
+fn code_of(session: &Session, step: &Step, arena: &Arena, function: Function) -> Vec<Block> {
+    let library = &session.library;
+    vec![
         Block::Heading(2, "Expressions, with default parameters".into()),
-        Block::Code("text", print::listing(&arena, &function, &library.sources)),
+        Block::Code("text", print::listing(arena, &function, &library.sources)),
         Block::Heading(2, "WGSL, with default parameters".into()),
-        Block::Code("wgsl", wgsl::write(&arena, &Kernel::Map(function))),
+        Block::Code("wgsl", wgsl::write(arena, &Kernel::Map(function))),
         Block::Heading(2, "Step file".into()),
         Block::Code("rust", library.sources.text(step.text).to_string()),
-    ])
+    ]
 }
 
 fn fractal_page(session: &Session, graph: &ValidGraph) -> Result<Vec<Block>, Failure> {

@@ -225,7 +225,7 @@ impl Probe<'_> {
     /// Components of the state of the first orbit.
     fn state_width(&self) -> usize {
         let orbits = bulbfold::compose::field_orbits(&self.composer());
-        orbits.first().map_or(3, |orbit| self.graph.state_width(orbit.root) as usize)
+        orbits.first().map_or(3, |orbit| self.graph.state_width(orbit.root, &orbit.settings) as usize)
     }
 
     /// Columns `de, inside, n, r, z` of a method at all points.

@@ -5,8 +5,8 @@ use super::orbit::{compose_growth, scalar_rules, steps_of};
 use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
 use crate::graph::{
-    DeForm, Difference, DifferenceStep, EstimateSettings, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method, NodeKind, NodeRef,
-    Primitive,
+    DeForm, Difference, DifferenceStep, EstimateSettings, Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method, NodeKind,
+    NodeRef, Primitive,
 };
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
@@ -122,10 +122,15 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
             // Beyond half the escape radius the form would say 0 right where orbits escape.
             choice.radius = fixed.unwrap_or_else(|| extent.min(orbit.settings.escape_radius * 0.5));
         }
-        radii.push(orbit.frame.reach(extent));
+        radii.extend(orbit.frame.reach(extent));
     }
     let bounding_radius = match composer.graph.bounding_radius {
         Some(radius) => radius,
+        None if is_warped(composer) => {
+            let field = super::compose_estimator(composer, &choices, super::Purpose::Estimate)?;
+            let cpu = Cpu::new(Precision::F64);
+            outermost_member(&cpu, composer, &Kernel::Estimate(field), 1).unwrap_or(10.0)
+        }
         None => field_reach(composer, &radii),
     };
     let fudge = wanted.fudge.unwrap_or_else(|| choices.iter().map(|c| c.fudge).fold(1.0, f64::min));
@@ -155,6 +160,7 @@ fn choose_orbit(
 ) -> ComposeResult<Choice> {
     let mut roots = vec![orbit.root];
     roots.extend(orbit.settings.pre.iter().chain(&orbit.settings.post));
+    roots.extend(orbit.frame.maps());
     let steps: Vec<_> = roots.iter().flat_map(|root| steps_of(composer, *root)).collect();
     let blocking = steps.iter().find(|s| !s.differentiable).map(|s| s.name.clone());
     let rules: Option<Vec<ScalarRule>> = roots.iter().map(|root| scalar_rules(composer, *root)).collect();
@@ -162,7 +168,10 @@ fn choose_orbit(
     let has_power = steps.iter().any(|s| s.growth == Some(Growth::Power));
     let has_linear = steps.iter().any(|s| s.growth == Some(Growth::Linear));
     let growth = measure_growth(composer, orbit)?;
-    let facts = Facts { blocking, has_rules: rules.is_some(), power: growth.power };
+    let levels = orbit.settings.shape.and_then(|shape| shape.levels);
+    let smooth = levels.is_some_and(|levels| matches!(levels.join, Join::SmoothUnion(_)));
+    let power = if orbit.settings.shape.is_some() { 1.0 } else { growth.power };
+    let facts = Facts { blocking, has_rules: rules.is_some(), smooth, power };
     let applicable: Vec<Method> = Method::ALL.into_iter().filter(|m| facts.why_not(*m).is_none()).collect();
     let blocking = &facts.blocking;
     let (mut method, mut reason) = match (blocking, rules.is_some()) {
@@ -176,6 +185,9 @@ fn choose_orbit(
         }
         _ => (Method::Combined, "a hybrid: the smaller of the scalar rule and the exact gradient".to_string()),
     };
+    if smooth && rules.is_some() {
+        (method, reason) = (Method::Scalar, "levels with rounded seams are blended by the scalar rules".to_string());
+    }
     if let Some(wanted) = settings.method {
         match facts.why_not(wanted) {
             None => (method, reason) = (wanted, "as asked".to_string()),
@@ -187,6 +199,11 @@ fn choose_orbit(
         }
     }
     let form = match settings.form {
+        Some(form) if orbit.settings.shape.is_some() => {
+            warnings.push(format!("the form `{}` does not apply: the orbit's end shape says what is in", form.name()));
+            DeForm::End
+        }
+        None if orbit.settings.shape.is_some() => DeForm::End,
         Some(form) if method.is_potential() && form != DeForm::Logarithmic => {
             let (form, method) = (form.name(), method.name());
             warnings.push(format!("the form `{form}` does not apply: `{method}` is logarithmic by itself"));
@@ -227,6 +244,8 @@ struct Facts {
     blocking: Option<String>,
     /// Whether all steps state scalar rules.
     has_rules: bool,
+    /// Whether levels are joined with rounded seams, which depend on the distances themselves.
+    smooth: bool,
     /// Power by which r grows in an iteration.
     power: f64,
 }
@@ -237,6 +256,9 @@ impl Facts {
         let no_rules = || Some("not every step states a scalar rule".to_string());
         match (method, &self.blocking) {
             (Method::Own, _) => Some("an iterated map has no distance of its own, only primitives have".to_string()),
+            (method, _) if self.smooth && method != Method::Scalar => {
+                Some("levels with rounded seams are blended by the steps' scalar rules".to_string())
+            }
             (method, Some(step)) if method.is_exact() => Some(format!("the step `{step}` cannot be differentiated")),
             (Method::Scalar | Method::Combined, _) if !self.has_rules => no_rules(),
             (method, _) if method.is_potential() && self.power == 1.0 => {
@@ -286,7 +308,7 @@ pub(super) const MEASURED_CYCLE: usize = 16;
 /// Measures the growth of r over one cycle, far out.
 fn measure_growth(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<OrbitGrowth> {
     let (function, iterations) = compose_growth(composer, orbit.root, &orbit.settings)?;
-    let width = composer.graph.state_width(orbit.root) as usize;
+    let width = composer.graph.state_width(orbit.root, &orbit.settings) as usize;
     let cpu = Cpu::new(Precision::F64);
     let points = directions(64, 0.3);
     let radius_after = |scale: f64| -> Vec<f64> {
@@ -335,7 +357,7 @@ fn measure_extent(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<f64>
         let settings = crate::graph::OrbitSettings { max_iterations: limit, ..orbit.settings.clone() };
         let membership = super::orbit::compose_membership(composer, orbit.root, &settings)?;
         let cpu = Cpu::new(Precision::F64);
-        let found = outermost_member(&cpu, composer, &membership);
+        let found = outermost_member(&cpu, composer, &membership, 0);
         let Some(found) = found else { break };
         // A ball that shrinks at once means that the samples began to miss a thin set, not that it is smaller.
         if best != f64::MAX && found < best / 1.5 {
@@ -346,15 +368,28 @@ fn measure_extent(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<f64>
     Ok(if best == f64::MAX { 2.0 } else { best })
 }
 
+/// True where a field is seen through maps or tiles, so that its size is not that of its parts.
+fn is_warped(composer: &Composer) -> bool {
+    let mut open = vec![composer.graph.output];
+    while let Some(node) = open.pop() {
+        match &composer.graph.node(node).kind {
+            NodeKind::Warp { .. } | NodeKind::Tile { .. } => return true,
+            NodeKind::Orbit { .. } => {}
+            kind => open.extend(kind.wires()),
+        }
+    }
+    false
+}
+
 /// The largest sampled radius with a point inside, one sampling step further out.
-fn outermost_member(cpu: &Cpu, composer: &Composer, membership: &Kernel) -> Option<f64> {
+fn outermost_member(cpu: &Cpu, composer: &Composer, membership: &Kernel, output: usize) -> Option<f64> {
     let ratio: f64 = 1.08;
     let mut radius = 40.0;
     for shell in 0..90 {
         let points = directions(600, f64::from(shell));
         let points: Vec<[f64; 3]> = points.iter().map(|p| p.map(|x| x * radius)).collect();
         let columns = Estimator::columns(&points, &points.iter().map(inwards).collect::<Vec<_>>(), &[1e-4], 0.0);
-        let inside = run_f64(cpu, composer, membership, &columns).swap_remove(0);
+        let inside = run_f64(cpu, composer, membership, &columns).swap_remove(output);
         if inside.iter().any(|&i| i > 0.5) {
             return Some(radius * ratio * ratio);
         }
@@ -371,8 +406,8 @@ fn field_reach(composer: &Composer, radii: &[f64]) -> f64 {
     while let Some((node, frame)) = stack.pop() {
         match &composer.graph.node(node).kind {
             NodeKind::Primitive(primitive) => {
-                if let Some(reach) = primitive_reach(primitive) {
-                    of_primitives = of_primitives.max(frame.reach(reach));
+                if let Some(reach) = primitive_reach(primitive).and_then(|reach| frame.reach(reach)) {
+                    of_primitives = of_primitives.max(reach);
                 }
             }
             NodeKind::Transform { of, placement } => stack.push((*of, frame.inside(*placement))),

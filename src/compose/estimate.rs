@@ -1,5 +1,6 @@
 //! What an orbit's end state says: its size, the derivative of that by the method of choice, and the distance that follows.
 
+use super::field::shape_at;
 use super::norm::{frobenius_norm, largest_singular_value, scaled_length};
 use super::orbit::{Constants, Moved, OrbitBuilder, State};
 use super::{ComposeResult, Purpose};
@@ -18,6 +19,8 @@ struct End<'g> {
     along: Option<Expr<'g>>,
     /// Ends of the orbits of shifted points.
     shifted: Vec<Expr<'g>>,
+    /// Their sizes.
+    sizes: Vec<Expr<'g>>,
 }
 
 impl<'a> OrbitBuilder<'a> {
@@ -30,22 +33,16 @@ impl<'a> OrbitBuilder<'a> {
         n: Expr<'a>,
     ) -> ComposeResult<()> {
         let arena = self.composer.arena;
-        let end = self.end(state)?;
-        match self.purpose {
-            Purpose::Surface => {
-                let gradient = self.gradient(&end, constants.h);
-                let slope = gradient.map_or(arena.f(0.0), scaled_length);
-                let direction = gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
-                function.output("gradient", direction / slope.max(arena.f(1e-30)));
-                function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
-                function.output("de", self.distance(end.size, slope, n));
+        let end = self.end(state, n)?;
+        let far = || state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4]));
+        match (self.purpose, &state.joined) {
+            (Purpose::Surface, Some(joined)) => {
+                function.output("gradient", joined.gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0])));
+                function.output("trap", far());
+                function.output("de", joined.d);
             }
-            Purpose::Estimate | Purpose::March | Purpose::Probe | Purpose::Decision => {
-                let slope = self.slope(&end, constants.h);
-                let de = self.distance(end.size, slope, n);
-                let follows = self.follows_footprint();
-                function.output("de", if follows { self.mark_resolved(state, constants.hit_eps, de) } else { de });
-            }
+            (_, Some(joined)) => function.output("de", joined.d),
+            (purpose, None) => self.finish_end(function, (state, &end), constants, (purpose, n)),
         }
         if let (Purpose::Decision, Method::Combined, Some(dr)) = (self.purpose, self.choice.method, end.dr) {
             let gradient = self.gradient(&end, constants.h).map_or(arena.f(0.0), scaled_length);
@@ -60,7 +57,50 @@ impl<'a> OrbitBuilder<'a> {
         Ok(())
     }
 
-    fn end(&self, state: &State<'a>) -> ComposeResult<End<'a>> {
+    /// The distance of a state from the orbit's shape, and for surfaces the unit gradient.
+    pub(super) fn looked_up(
+        &self,
+        state: &State<'a>,
+        constants: &Constants<'a>,
+        n: Expr<'a>,
+    ) -> ComposeResult<(Expr<'a>, Option<Expr<'a>>)> {
+        let end = self.end(state, n)?;
+        if self.purpose != Purpose::Surface {
+            return Ok((self.distance(end.size, self.slope(&end, constants.h), n), None));
+        }
+        let gradient = self.gradient(&end, constants.h);
+        let slope = gradient.map_or(self.composer.arena.f(0.0), scaled_length);
+        let unit = gradient.map(|gradient| gradient / slope.max(slope.lift(1e-30)));
+        Ok((self.distance(end.size, slope, n), unit))
+    }
+
+    fn finish_end(
+        &self,
+        function: &mut Function,
+        (state, end): (&State<'a>, &End<'a>),
+        constants: &Constants<'a>,
+        (purpose, n): (Purpose, Expr<'a>),
+    ) {
+        let arena = self.composer.arena;
+        match purpose {
+            Purpose::Surface => {
+                let gradient = self.gradient(end, constants.h);
+                let slope = gradient.map_or(arena.f(0.0), scaled_length);
+                let direction = gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
+                function.output("gradient", direction / slope.max(arena.f(1e-30)));
+                function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
+                function.output("de", self.distance(end.size, slope, n));
+            }
+            Purpose::Estimate | Purpose::March | Purpose::Probe | Purpose::Decision => {
+                let slope = self.slope(end, constants.h);
+                let de = self.distance(end.size, slope, n);
+                let follows = self.follows_footprint();
+                function.output("de", if follows { self.mark_resolved(state, constants.hit_eps, de) } else { de });
+            }
+        }
+    }
+
+    fn end(&self, state: &State<'a>, n: Expr<'a>) -> ComposeResult<End<'a>> {
         let arena = self.composer.arena;
         let zero = state.z.lift(0.0);
         let moved = self.apply_all(&self.settings.post, Moved { z: state.z, dr: state.dr }, zero)?;
@@ -74,15 +114,16 @@ impl<'a> OrbitBuilder<'a> {
             Ok(moved.z)
         });
         let shifted = shifted.collect::<ComposeResult<Vec<_>>>()?;
-        Ok(End { z: moved.z, size: self.size(moved.z), dr: moved.dr, rows, along, shifted })
+        let sizes = shifted.iter().map(|z| self.size(*z, n)).collect::<ComposeResult<Vec<_>>>()?;
+        let size = self.size(moved.z, n)?;
+        Ok(End { z: moved.z, size, dr: moved.dr, rows, along, shifted, sizes })
     }
 
     /// The size of an end point in the sense of the form.
-    fn size(&self, z: Expr<'a>) -> Expr<'a> {
-        match self.choice.form {
-            DeForm::Linear | DeForm::Logarithmic => scaled_length(z),
-            DeForm::Box => z.abs().components().into_iter().reduce(|a, b| a.max(b)).unwrap_or(z),
-            DeForm::Plane => z.xyz().dot(self.composer.arena.v3(self.choice.axis)).abs(),
+    fn size(&self, z: Expr<'a>, n: Expr<'a>) -> ComposeResult<Expr<'a>> {
+        match (self.choice.form, self.settings.shape) {
+            (DeForm::End, Some(shape)) => shape_at(self.composer, shape.field, z, n),
+            (form, _) => Ok(plain_size(form, self.choice.axis, z)),
         }
     }
 
@@ -136,14 +177,14 @@ impl<'a> OrbitBuilder<'a> {
 
     /// Finite differences of the size for each shifted point, all at one iteration count.
     fn differences(&self, end: &End<'a>, h: Expr<'a>) -> Vec<Expr<'a>> {
-        let slope = |z: &Expr<'a>| {
-            let size = self.size(*z);
+        let slope = |size: &Expr<'a>| {
+            let size = *size;
             match self.difference() {
                 Difference::LnR => (size / end.size).ln() * end.size / h,
                 Difference::R | Difference::Z => (size - end.size) / h,
             }
         };
-        end.shifted.iter().map(slope).collect()
+        end.sizes.iter().map(slope).collect()
     }
 
     /// The Jacobian's rows by finite differences.
@@ -153,7 +194,7 @@ impl<'a> OrbitBuilder<'a> {
         (0..columns[0].len()).map(|i| arena.compose(&[columns[0][i], columns[1][i], columns[2][i]])).collect()
     }
 
-    /// The estimate in world units; never negative. A slope of 0 tells nothing: the estimate is 0 and the march walks. What
+    /// The estimate in world units; negative in an end shape only. A slope of 0 tells nothing: the estimate is 0 and the march walks. What
     /// is not a number or infinite comes out as not a number, to be counted: `max` may drop either, comparisons do not.
     fn distance(&self, size: Expr<'a>, slope: Expr<'a>, n: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
@@ -166,12 +207,19 @@ impl<'a> OrbitBuilder<'a> {
             (Method::Potential, _) => logarithmic(),
             (Method::Sinh, _) => logarithmic() * self.sinh_factor(size, n),
             (_, DeForm::Logarithmic) => logarithmic(),
+            (_, DeForm::End) => size / known,
             (_, DeForm::Linear | DeForm::Box | DeForm::Plane) => (size - self.choice.radius) / known,
         };
         let nan = (-slope.abs() - 1.0).sqrt();
-        let finite = d.lt(arena.f(1e30)).select(d.lt(zero).select(zero, d), nan);
+        let least = if self.choice.form == DeForm::End { d } else { d.lt(zero).select(zero, d) };
+        let finite = d.lt(arena.f(1e30)).select(least, nan);
         // A norm may lose NaN and be 0; the size does not.
-        tiny.lt(slope).select(finite, size.lt(arena.f(1e38)).select(slope, nan))
+        let told = tiny.lt(slope).select(finite, size.lt(arena.f(1e38)).select(slope, nan));
+        match self.choice.form {
+            // In is what is not outside the shape, also where it is flat.
+            DeForm::End => size.le(zero).select(told.min(-tiny), told),
+            _ => told,
+        }
     }
 
     /// e^-G sinh G / G = (1 - e^-2G) / 2G, from 1 near the set to 0 far away; G = ln r / power^n.
@@ -183,5 +231,14 @@ impl<'a> OrbitBuilder<'a> {
         // The difference loses its digits near 0; there the first terms of its series are exact enough.
         let series = arena.f(1.0) - twice * 0.5 + twice * twice * (1.0 / 6.0) - twice * twice * twice * (1.0 / 24.0);
         twice.lt(arena.f(1e-2)).select(series, whole)
+    }
+}
+
+/// The size of an end point in the sense of a form, for orbits without an end shape.
+pub(super) fn plain_size<'g>(form: DeForm, axis: [f64; 3], z: Expr<'g>) -> Expr<'g> {
+    match form {
+        DeForm::Linear | DeForm::Logarithmic | DeForm::End => scaled_length(z),
+        DeForm::Box => z.abs().components().into_iter().reduce(|a, b| a.max(b)).unwrap_or(z),
+        DeForm::Plane => z.xyz().dot(z.arena.v3(axis)).abs(),
     }
 }

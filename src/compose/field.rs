@@ -1,11 +1,15 @@
 //! Distance fields: orbits, primitives and their combinations, joined into one estimator.
 
+use super::choose::UNIT_F32;
 use super::footprint::{follows_footprint, is_marked};
-use super::orbit::compose_orbit;
-use super::placement::Frame;
+use super::orbit::{Moved, compose_orbit, param_map};
+use super::placement::{Frame, Place, copies, farther_copies};
+use super::unrolled::unrolled;
+use super::value::FieldValue;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
-use crate::graph::{DeForm, Method, NodeKind, NodeRef, OrbitSettings, Primitive, SphereForm};
+use crate::formula::step::Step;
+use crate::graph::{DeForm, Method, NodeKind, NodeRef, OrbitSettings, ParamInput, Primitive, SphereForm, Tiling};
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
 
 /// An orbit of the field, and where it stands.
@@ -37,6 +41,12 @@ fn collect(composer: &Composer, node: NodeRef, frame: &Frame, orbits: &mut Vec<F
             }
         }
         NodeKind::Transform { of, placement } => collect(composer, *of, &frame.inside(*placement), orbits),
+        NodeKind::Warp { of, by } => collect(composer, *of, &frame.with(Place::Warped(*by)), orbits),
+        NodeKind::Tile { of, tiling } => {
+            for shift in copies(*tiling) {
+                collect(composer, *of, &frame.with(Place::Tiled(*tiling, shift)), orbits);
+            }
+        }
         kind if !kind.is_map() => {
             for wire in kind.wires() {
                 collect(composer, wire, frame, orbits);
@@ -80,8 +90,13 @@ fn field_primitives(composer: &Composer) -> Vec<NodeRef> {
     let mut found = Vec::new();
     while let Some(node) = open.pop() {
         match &composer.graph.node(node).kind {
-            NodeKind::Primitive(_) if !found.contains(&node) => found.push(node),
-            NodeKind::Transform { of, .. } => open.push(*of),
+            NodeKind::Primitive(_) | NodeKind::Shape { .. } => {
+                if !found.contains(&node) {
+                    found.push(node);
+                }
+            }
+            NodeKind::Orbit { .. } => {}
+            NodeKind::Transform { of, .. } | NodeKind::Warp { of, .. } => open.push(*of),
             kind if !kind.is_map() => open.extend(kind.wires()),
             _ => {}
         }
@@ -115,8 +130,10 @@ pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpo
         leaves.push(Leaf { outputs, inside, n });
     }
     let mut combine = Function::new("combine", inputs);
-    let field = FieldBuilder { composer, specs: &specs, choices, leaves: &leaves, purpose };
-    field.outputs(&mut combine);
+    let EstimatorInputs { p, .. } = EstimatorInputs::new(composer.arena);
+    let (at, n) = (p, composer.arena.f(0.0));
+    let field = FieldBuilder { composer, specs: &specs, choices, leaves: Some(&leaves), purpose, at, n };
+    field.outputs(&mut combine)?;
     drop_unread(composer.arena, &mut orbits, &combine);
     Ok(Estimator { orbits, combine })
 }
@@ -144,30 +161,36 @@ struct Leaf<'g> {
     n: Expr<'g>,
 }
 
-/// A field at a point.
-#[derive(Clone, Copy)]
-struct FieldValue<'g> {
-    d: Expr<'g>,
-    inside: Expr<'g>,
-    /// For surfaces: unit gradient and traps.
-    gradient: Option<Expr<'g>>,
-    trap: Option<Expr<'g>>,
-    /// For decisions: number of the decider.
-    decider: Option<Expr<'g>>,
-}
-
 struct FieldBuilder<'a, 'g> {
     composer: &'a Composer<'g>,
     specs: &'a [FieldOrbit],
     choices: &'a [Choice],
-    leaves: &'a [Leaf<'g>],
+    /// Results of the orbits; without them orbits are unrolled.
+    leaves: Option<&'a [Leaf<'g>]>,
     purpose: Purpose,
+    /// Where the field is looked up, three or four components.
+    at: Expr<'g>,
+    /// Number of the iteration, which parameters of shapes may depend on.
+    n: Expr<'g>,
+}
+
+/// The signed distance of a field from a point of its frame, three or four components: what end shapes say. Orbits in it
+/// are unrolled.
+pub(super) fn shape_at<'g>(
+    composer: &Composer<'g>,
+    field: NodeRef,
+    z: Expr<'g>,
+    n: Expr<'g>,
+) -> ComposeResult<Expr<'g>> {
+    let purpose = Purpose::Estimate;
+    let builder = FieldBuilder { composer, specs: &[], choices: &[], leaves: None, purpose, at: z, n };
+    Ok(builder.value(field, &Frame::default())?.d)
 }
 
 impl<'g> FieldBuilder<'_, 'g> {
-    fn outputs(&self, combine: &mut Function) {
+    fn outputs(&self, combine: &mut Function) -> ComposeResult<()> {
         let arena = self.composer.arena;
-        let value = self.value(self.composer.graph.output, &Frame::default());
+        let value = self.value(self.composer.graph.output, &Frame::default())?;
         match self.purpose {
             Purpose::Estimate | Purpose::March => {
                 combine.output("de", value.d);
@@ -180,7 +203,7 @@ impl<'g> FieldBuilder<'_, 'g> {
             Purpose::Probe => {
                 combine.output("de", value.d);
                 combine.output("inside", value.inside);
-                let first = self.leaves.first();
+                let first = self.leaves.and_then(|leaves| leaves.first());
                 combine.output("n", first.map_or(arena.f(0.0), |leaf| leaf.n));
                 combine.output("r", first.map_or(arena.f(0.0), |leaf| leaf.outputs[1]));
                 combine.output("z", first.map_or(arena.constant(Type::V4, [0.0; 4]), |leaf| leaf.outputs[2]));
@@ -191,43 +214,73 @@ impl<'g> FieldBuilder<'_, 'g> {
                 combine.output("decider", value.decider.unwrap_or_else(|| arena.f(0.0)));
             }
         }
+        Ok(())
     }
 
-    fn value(&self, node: NodeRef, frame: &Frame) -> FieldValue<'g> {
-        match &self.composer.graph.node(node).kind {
-            NodeKind::Orbit { .. } => self.orbit(node, frame),
-            NodeKind::Primitive(primitive) => self.primitive(node, primitive, frame),
-            NodeKind::Transform { of, placement } => self.value(*of, &frame.inside(*placement)),
-            NodeKind::Union(of) => self.fold(of, frame, |s, a, b| s.nearer(a, b, a.inside.or(b.inside))),
-            NodeKind::Intersection(of) => self.fold(of, frame, |s, a, b| s.farther(a, b, a.inside.and(b.inside))),
+    fn value(&self, node: NodeRef, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
+        Ok(match &self.composer.graph.node(node).kind {
+            NodeKind::Orbit { of, settings } => match self.leaves {
+                Some(leaves) => self.orbit(node, frame, leaves)?,
+                None => {
+                    let (d, inside) = unrolled(self.composer, *of, settings, self.local(frame)?)?;
+                    FieldValue::plain(self.back(frame, d)?, inside)
+                }
+            },
+            NodeKind::Primitive(primitive) => self.primitive(node, primitive, frame)?,
+            NodeKind::Shape { step, params } => self.shape(node, (step, params), frame)?,
+            NodeKind::Transform { of, placement } => self.value(*of, &frame.inside(*placement))?,
+            NodeKind::Warp { of, by } => self.value(*of, &frame.with(Place::Warped(*by)))?,
+            NodeKind::Tile { of, tiling } => self.tiled(*of, *tiling, frame)?,
+            NodeKind::Union(of) => self.fold(of, frame, |a, b| a.nearer(b))?,
+            NodeKind::Intersection(of) => self.fold(of, frame, |a, b| a.farther(b))?,
             NodeKind::Difference { a, b } => {
-                let (a, b) = (self.value(*a, frame), self.value(*b, frame));
+                let (a, b) = (self.value(*a, frame)?, self.value(*b, frame)?);
                 // How far it is to the wall of an orbit from inside it is not known: 0 makes the march walk.
-                let outside_b = FieldValue { d: -b.d, gradient: b.gradient.map(|g| -g), ..b };
-                self.farther(a, outside_b, a.inside.and(!b.inside))
+                a.farther(b.turned())
             }
-            NodeKind::SmoothUnion { of, radius } => {
-                self.fold(of, frame, |s, a, b| s.smooth(a, b, s.composer.arena.f(*radius)))
-            }
+            NodeKind::SmoothUnion { of, radius } => self.fold(of, frame, |a, b| a.smooth(b, *radius))?,
             _ => unreachable!("validation wraps maps into orbits where fields belong"),
-        }
+        })
     }
 
     fn fold(
         &self,
         of: &[NodeRef],
         frame: &Frame,
-        join: impl Fn(&Self, FieldValue<'g>, FieldValue<'g>) -> FieldValue<'g>,
-    ) -> FieldValue<'g> {
+        join: impl Fn(FieldValue<'g>, FieldValue<'g>) -> FieldValue<'g>,
+    ) -> ComposeResult<FieldValue<'g>> {
         let mut values = of.iter().map(|node| self.value(*node, frame));
-        let first = values.next().expect("lists of nodes are never empty");
-        values.fold(first, |a, b| join(self, a, b))
+        let first = values.next().expect("lists of nodes are never empty")?;
+        values.try_fold(first, |a, b| Ok(join(a, b?)))
     }
 
-    fn orbit(&self, node: NodeRef, frame: &Frame) -> FieldValue<'g> {
+    /// The point in a frame.
+    fn local(&self, frame: &Frame) -> ComposeResult<Expr<'g>> {
+        Ok(frame.locate(self.composer, Moved { z: self.at, dr: None })?.z)
+    }
+
+    /// A distance of a frame in units of the outermost one.
+    fn back(&self, frame: &Frame, d: Expr<'g>) -> ComposeResult<Expr<'g>> {
+        frame.distance_back(self.composer, self.at, d, UNIT_F32)
+    }
+
+    /// The nearest copies of a field, and no farther than others can be.
+    fn tiled(&self, of: NodeRef, tiling: Tiling, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
+        let mut values =
+            copies(tiling).into_iter().map(|shift| self.value(of, &frame.with(Place::Tiled(tiling, shift))));
+        let first = values.next().expect("the nearest copy is always there")?;
+        let all = values.try_fold(first, |a, b| Ok(a.nearer(b?)))?;
+        let d = match farther_copies(self.local(frame)?.xyz(), tiling) {
+            Some(others) => all.d.min(self.back(frame, others)?),
+            None => all.d,
+        };
+        Ok(FieldValue { d, ..all })
+    }
+
+    fn orbit(&self, node: NodeRef, frame: &Frame, leaves: &[Leaf<'g>]) -> ComposeResult<FieldValue<'g>> {
         let i = self.specs.iter().position(|s| s.node == node && s.frame == *frame);
         let i = i.expect("every orbit of the output was collected");
-        let leaf = &self.leaves[i];
+        let leaf = &leaves[i];
         let zero = self.composer.arena.f(0.0);
         let is_surface = self.purpose == Purpose::Surface;
         let de = if is_surface { leaf.outputs[2] } else { leaf.outputs[0] };
@@ -240,77 +293,84 @@ impl<'g> FieldBuilder<'_, 'g> {
             // What has not escaped is in the set where it ends in the shape; a plane is as thick as the hit threshold.
             DeForm::Box => leaf.inside.and(de.le(zero)),
             DeForm::Plane => leaf.inside.and(de.le(EstimatorInputs::new(self.composer.arena).hit_eps)),
+            DeForm::End => leaf.inside.and(de.lt(zero)),
         };
         let shown = |at: usize| is_surface.then(|| leaf.outputs[at]);
         let decider = (self.purpose == Purpose::Decision).then(|| {
             let first = self.composer.arena.f(2.0 * i as f64);
             leaf.outputs.get(1).map_or(first, |part| first + *part)
         });
-        FieldValue { d: inside.select(zero, de), inside, gradient: shown(0), trap: shown(1), decider }
+        let d = match self.choices[i].form {
+            // How deep it is in an end shape is known.
+            DeForm::End => leaf.inside.select(de, de.max(zero)),
+            _ => inside.select(zero, de),
+        };
+        // What is known at the point alone may not hold as far as it says where space is warped; proofs do.
+        let mut way = frame.clone();
+        for map in &self.specs[i].settings.pre {
+            way = way.with(Place::Warped(*map));
+        }
+        let is_shape = self.choices[i].form == DeForm::End;
+        let warped = frame.maps().next().is_some() || (is_shape && way.maps().next().is_some());
+        let d = match warped && !self.choices[i].method.is_certified() {
+            true => {
+                let scale = way.scale_at(self.composer, self.at, UNIT_F32)?;
+                way.distance_back(self.composer, self.at, d / scale, UNIT_F32)?
+            }
+            false => d,
+        };
+        Ok(FieldValue { d, inside, gradient: shown(0), trap: shown(1), decider })
     }
 
-    fn primitive(&self, node: NodeRef, primitive: &Primitive, frame: &Frame) -> FieldValue<'g> {
+    fn primitive(&self, node: NodeRef, primitive: &Primitive, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
         let arena = self.composer.arena;
-        let EstimatorInputs { p, hit_eps, .. } = EstimatorInputs::new(arena);
-        let d = signed_distance(primitive, frame.local_from_world(p)) * frame.scale();
+        let EstimatorInputs { hit_eps, .. } = EstimatorInputs::new(arena);
+        let local = self.local(frame)?.xyz();
+        let d = self.back(frame, signed_distance(primitive, local))?;
         let is_shell = matches!(primitive, Primitive::Sphere { form: SphereForm::Shell, .. });
         let limit = if is_shell { hit_eps } else { arena.f(0.0) };
-        let surface = self.purpose == Purpose::Surface;
         // The solid form is flat inside: its normal is that of the signed one.
         let smooth = match *primitive {
             Primitive::Sphere { centre, radius, .. } => {
                 let signed = Primitive::Sphere { centre, radius, form: SphereForm::Signed };
-                signed_distance(&signed, frame.local_from_world(p)) * frame.scale()
+                signed_distance(&signed, local)
             }
-            _ => d,
+            _ => signed_distance(primitive, local),
         };
-        let gradient = surface.then(|| Differentiator::by(arena, p).tangents(smooth)[0]);
+        Ok(self.own(node, d, d.le(limit), smooth))
+    }
+
+    /// A shape of a step file.
+    fn shape(
+        &self,
+        node: NodeRef,
+        (step, params): (&Step, &[ParamInput]),
+        frame: &Frame,
+    ) -> ComposeResult<FieldValue<'g>> {
+        let Composer { arena, library, graph } = *self.composer;
+        let map = param_map(self.composer, step, params, self.n);
+        let local = self.local(frame)?;
+        let place = graph.node(node);
+        let d = step
+            .trace_distance(&library.engine, &library.sources, arena, local, &map)
+            .map_err(|error| error.label(place.span, format!("used by the node `{}`", place.name)))?;
+        Ok(self.own(node, self.back(frame, d)?, d.le(arena.f(0.0)), d))
+    }
+
+    /// A field with a distance of its own; `smooth` has the normal.
+    fn own(&self, node: NodeRef, d: Expr<'g>, inside: Expr<'g>, smooth: Expr<'g>) -> FieldValue<'g> {
+        let arena = self.composer.arena;
+        let surface = self.purpose == Purpose::Surface;
+        let gradient = surface.then(|| {
+            let slope = Differentiator::by(arena, self.at).tangents(smooth)[0];
+            slope / slope.length().max(arena.f(1e-30))
+        });
         let decider = (self.purpose == Purpose::Decision).then(|| {
             let k = field_primitives(self.composer).iter().position(|p| *p == node).unwrap_or(0);
             arena.f((2 * self.specs.len() + k) as f64)
         });
         let trap = surface.then(|| arena.constant(Type::V4, [1e6; 4]));
-        FieldValue { d, inside: d.le(limit), gradient, trap, decider }
-    }
-
-    /// The first field where the condition holds, with another distance and membership.
-    fn pick(
-        &self,
-        first: Expr<'g>,
-        a: FieldValue<'g>,
-        b: FieldValue<'g>,
-        d: Expr<'g>,
-        inside: Expr<'g>,
-    ) -> FieldValue<'g> {
-        let pick = |a: Option<Expr<'g>>, b: Option<Expr<'g>>| a.zip(b).map(|(a, b)| first.select(a, b));
-        FieldValue {
-            d,
-            inside,
-            gradient: pick(a.gradient, b.gradient),
-            trap: pick(a.trap, b.trap),
-            decider: pick(a.decider, b.decider),
-        }
-    }
-
-    fn nearer(&self, a: FieldValue<'g>, b: FieldValue<'g>, inside: Expr<'g>) -> FieldValue<'g> {
-        self.pick(a.d.le(b.d), a, b, a.d.min(b.d), inside)
-    }
-
-    fn farther(&self, a: FieldValue<'g>, b: FieldValue<'g>, inside: Expr<'g>) -> FieldValue<'g> {
-        self.pick(b.d.le(a.d), a, b, a.d.max(b.d), inside)
-    }
-
-    /// The polynomial smooth minimum: at most a quarter of the radius below the smaller one, with slope 1 (Quilez).
-    fn smooth(&self, a: FieldValue<'g>, b: FieldValue<'g>, radius: Expr<'g>) -> FieldValue<'g> {
-        let zero = self.composer.arena.f(0.0);
-        let overlap = (radius - (a.d - b.d).abs()).max(zero) / radius;
-        let d = a.d.min(b.d) - overlap * overlap * radius * 0.25;
-        let inside = a.inside.or(b.inside).or(d.le(zero));
-        let share = overlap * 0.5;
-        let near_a = a.d.le(b.d);
-        let blend = |a: Expr<'g>, b: Expr<'g>| near_a.select(a.mix(b, share), b.mix(a, share));
-        let gradient = a.gradient.zip(b.gradient).map(|(a, b)| blend(a, b));
-        FieldValue { gradient, ..self.pick(near_a, a, b, d, inside) }
+        FieldValue { d, inside, gradient, trap, decider }
     }
 }
 

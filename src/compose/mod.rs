@@ -10,10 +10,13 @@ pub mod choose;
 mod estimate;
 mod field;
 mod footprint;
+mod levels;
 pub mod norm;
 mod orbit;
 mod parts;
 pub mod placement;
+mod unrolled;
+mod value;
 
 pub use choose::{Choice, Plan, choose};
 pub use field::{Decider, FieldOrbit, compose_estimator, deciders, field_orbits};

@@ -3,14 +3,16 @@
 use rhai::Map;
 
 use super::choose::MEASURED_CYCLE;
+use super::levels::Joined;
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
-use crate::expr::{Differentiator, Expr, Function, Port, Type};
+use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
 use crate::formula::script::base_scope;
 use crate::formula::step::{ParamKind, ScalarRule, Step, StepInputs, Traced, script_expr, script_value};
 use crate::formula::symbolic::to_dynamic;
 use crate::graph::{
-    Condition, Constant, IterationMap, MapTree, Method, NodeKind, NodeRef, OrbitSettings, ParamInput, resolve_schedule,
+    Condition, Constant, DeForm, IterationMap, MapTree, Method, NodeKind, NodeRef, OrbitSettings, ParamInput,
+    resolve_schedule,
 };
 use crate::kernel::{EstimatorInputs, Orbit};
 
@@ -75,6 +77,8 @@ pub(super) struct State<'g> {
     pub(super) along: Option<Expr<'g>>,
     pub(super) shifted: Vec<Expr<'g>>,
     pub(super) trap: Option<Expr<'g>>,
+    /// Levels of the orbit's shape so far.
+    pub(super) joined: Option<Joined<'g>>,
 }
 
 impl<'g> State<'g> {
@@ -89,6 +93,10 @@ impl<'g> State<'g> {
         parts.extend(self.along.map(|along| ("along".to_string(), along)));
         parts.extend(numbered("z", &self.shifted));
         parts.extend(self.trap.map(|trap| ("trap".to_string(), trap)));
+        if let Some(joined) = &self.joined {
+            parts.push(("level".to_string(), joined.d));
+            parts.extend(joined.gradient.map(|gradient| ("level_gradient".to_string(), gradient)));
+        }
         parts
     }
 
@@ -106,6 +114,10 @@ impl<'g> State<'g> {
             along: self.along.map(&mut input),
             shifted: self.shifted.iter().map(|e| input(*e)).collect(),
             trap: self.trap.map(&mut input),
+            joined: self
+                .joined
+                .as_ref()
+                .map(|joined| Joined { d: input(joined.d), gradient: joined.gradient.map(&mut input) }),
         }
     }
 
@@ -144,7 +156,7 @@ pub(super) fn compose_orbit(
     if choice.method.is_certified() && purpose != Purpose::Surface {
         return super::certified::compose_certified(composer, name, root, settings, frame, choice, purpose);
     }
-    let width = composer.graph.state_width(root);
+    let width = composer.graph.state_width(root, settings);
     let mut carried = Carried::of(choice, purpose);
     carried.traps &= composer.graph.look.reads_traps();
     OrbitBuilder { composer, settings, frame, width, carried, choice, purpose }.build(name, root)
@@ -205,14 +217,10 @@ impl<'a> OrbitBuilder<'a> {
             Shifted::Ray => vec![d],
         };
         let begin = |p: Expr<'a>| -> ComposeResult<Moved<'a>> {
-            let local = self.frame.local_from_world(p);
-            let mut z = local;
-            if self.width == 4 {
-                let parts = local.components();
-                z = arena.compose(&[parts[0], parts[1], parts[2], arena.f(self.settings.slice)]);
-            }
+            let dr = self.carried.scalar.then(|| arena.f(1.0));
+            let Moved { z: local, dr } = self.frame.locate(self.composer, Moved { z: p, dr })?;
+            let z = self.widened(local, self.settings.slice);
             let zero = z.lift(0.0);
-            let dr = self.carried.scalar.then(|| arena.f(1.0 / self.frame.scale()));
             self.apply_all(&self.settings.pre, Moved { z, dr }, zero)
         };
         let first = begin(p)?;
@@ -231,9 +239,22 @@ impl<'a> OrbitBuilder<'a> {
             along,
             shifted: shifted.clone(),
             trap: self.carried.traps.then_some(far),
+            joined: None,
         };
         let dc = first.dr.unwrap_or_else(|| arena.f(0.0));
-        Ok((state, Constants { c: first.z, dc, rows, along, shifted, h, hit_eps }))
+        let constants = Constants { c: first.z, dc, rows, along, shifted, h, hit_eps };
+        let state = self.with_level(state, None, &constants, arena.f(0.0))?;
+        Ok((state, constants))
+    }
+
+    /// A point as the first state: with `w` added where the state has four components that no first map makes.
+    fn widened(&self, local: Expr<'a>, w: f64) -> Expr<'a> {
+        let embeds = self.settings.pre.iter().any(|node| self.composer.graph.embeds(*node));
+        if self.width != 4 || embeds {
+            return local;
+        }
+        let parts = local.components();
+        self.composer.arena.compose(&[parts[0], parts[1], parts[2], self.composer.arena.f(w)])
     }
 
     /// Makes the `init` function; what iterations read of the start point becomes frozen inputs unless it is constant.
@@ -309,33 +330,48 @@ impl<'a> OrbitBuilder<'a> {
             let sizes = z.xyz().abs().components();
             trap.min(arena.compose(&[z.xyz().dot(z.xyz()), sizes[0], sizes[1], sizes[2]]))
         });
-        Ok(State { z, dr, rows, along, shifted, trap })
+        let next = State { z, dr, rows, along, shifted, trap, joined: None };
+        self.with_level(next, state.joined.as_ref(), constants, n + 1.0)
     }
 
     /// The constant of an iteration from the start point's.
     fn constant(&self, constant: Constant, c: Expr<'a>) -> Expr<'a> {
-        let arena = self.composer.arena;
-        let fixed = |v: [f64; 3]| arena.constant(c.ty(), [v[0], v[1], v[2], 0.0]);
-        match constant {
-            Constant::Mandelbrot => c,
-            Constant::Julia(v) => fixed(v),
-            Constant::Mix(v, amount) => c * (1.0 - amount) + fixed(v) * amount,
-            Constant::Off => c.lift(0.0),
-        }
+        fixed_constant(self.composer.arena, constant, c)
     }
 
-    pub(super) fn apply_all(&self, nodes: &[NodeRef], mut moved: Moved<'a>, c: Expr<'a>) -> ComposeResult<Moved<'a>> {
-        let n = self.composer.arena.f(0.0);
-        for node in nodes {
-            let (maps, _) = resolve_schedule(self.composer.graph, *node, Constant::Off, 1);
-            moved = apply(self.composer, &maps[0].map, moved, c, n)?;
-        }
-        Ok(moved)
+    pub(super) fn apply_all(&self, nodes: &[NodeRef], moved: Moved<'a>, c: Expr<'a>) -> ComposeResult<Moved<'a>> {
+        apply_all(self.composer, nodes, moved, c)
     }
 }
 
+/// What an iteration adds, from the start point's constant.
+pub(super) fn fixed_constant<'a>(arena: &'a Arena, constant: Constant, c: Expr<'a>) -> Expr<'a> {
+    let fixed = |v: [f64; 3]| arena.constant(c.ty(), [v[0], v[1], v[2], 0.0]);
+    match constant {
+        Constant::Mandelbrot => c,
+        Constant::Julia(v) => fixed(v),
+        Constant::Mix(v, amount) => c * (1.0 - amount) + fixed(v) * amount,
+        Constant::Off => c.lift(0.0),
+    }
+}
+
+/// Applies maps one after the other, each as its first iteration.
+pub(super) fn apply_all<'a>(
+    composer: &Composer<'a>,
+    nodes: &[NodeRef],
+    mut moved: Moved<'a>,
+    c: Expr<'a>,
+) -> ComposeResult<Moved<'a>> {
+    let n = composer.arena.f(0.0);
+    for node in nodes {
+        let (maps, _) = resolve_schedule(composer.graph, *node, Constant::Off, 1);
+        moved = apply(composer, &maps[0].map, moved, c, n)?;
+    }
+    Ok(moved)
+}
+
 /// Applies a map to a state.
-fn apply<'a>(
+pub(super) fn apply<'a>(
     composer: &Composer<'a>,
     map: &MapTree,
     input: Moved<'a>,
@@ -438,7 +474,7 @@ pub fn compose_growth(
     root: NodeRef,
     settings: &OrbitSettings,
 ) -> ComposeResult<(Function, usize)> {
-    let width = composer.graph.state_width(root);
+    let width = composer.graph.state_width(root, settings);
     let (maps, schedule) = resolve_schedule(composer.graph, root, settings.constant, settings.max_iterations);
     let mut function = Function::new("growth", vec![Port::new("z", Type::F.with_width(width))]);
     let z = composer.arena.input(0, Type::F.with_width(width));
@@ -483,7 +519,9 @@ pub(super) fn compose_membership(
 ) -> ComposeResult<crate::kernel::Kernel> {
     let choice = Choice::default();
     let frame = Frame::default();
-    let width = composer.graph.state_width(root);
+    let width = composer.graph.state_width(root, settings);
+    let is_shape = settings.shape.is_some();
+    let choice = Choice { form: if is_shape { DeForm::End } else { choice.form }, ..choice };
     let carried = Carried::NOTHING;
     let purpose = Purpose::Estimate;
     let builder = OrbitBuilder { composer, settings, frame: &frame, width, carried, choice: &choice, purpose };
@@ -493,7 +531,11 @@ pub(super) fn compose_membership(
     inputs.push(Port::new("inside", Type::B));
     inputs.push(Port::new("n", Type::F));
     let mut combine = Function::new("combine", inputs);
-    let inside = composer.arena.input((combine.inputs.len() - 2) as u16, Type::B);
+    let mut inside = composer.arena.input((combine.inputs.len() - 2) as u16, Type::B);
+    if is_shape {
+        let de = composer.arena.input(crate::kernel::Estimator::inputs().len() as u16, Type::F);
+        inside = inside.and(de.lt(composer.arena.f(0.0)));
+    }
     combine.output("inside", inside);
     Ok(crate::kernel::Kernel::Estimate(crate::kernel::Estimator { orbits: vec![orbit], combine }))
 }

@@ -34,7 +34,7 @@ pub struct IterationParts {
 pub fn iteration_parts(composer: &Composer, orbit: &FieldOrbit, choice: &Choice) -> ComposeResult<Vec<IterationParts>> {
     let settings = &orbit.settings;
     let (maps, _) = resolve_schedule(composer.graph, orbit.root, settings.constant, settings.max_iterations);
-    let width = composer.graph.state_width(orbit.root);
+    let width = composer.graph.state_width(orbit.root, &orbit.settings);
     let (frame, purpose) = (&orbit.frame, Purpose::March);
     let with = |carried| OrbitBuilder { composer, settings, frame, width, carried, choice, purpose };
     let (value, all) = (with(Carried::NOTHING), with(Carried::of(choice, purpose)));

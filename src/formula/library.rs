@@ -6,6 +6,7 @@ use std::rc::Rc;
 
 use super::embedded;
 use super::script::ScriptEngine;
+use super::shape::is_step_text;
 use super::step::Step;
 use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
 
@@ -73,7 +74,7 @@ impl Library {
         }
     }
 
-    /// Reads the steps that lie beside a formula file: every `*.rhai` that defines `fn step`. An empty path is the current
+    /// Reads the steps that lie beside a formula file: every `*.rhai` that defines `fn step` or `fn distance`. An empty path is the current
     /// folder.
     pub fn add_beside(&mut self, folder: &Path, diagnostics: &mut Diagnostics) {
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
@@ -81,7 +82,7 @@ impl Library {
             std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
         files.sort();
         for file in files.iter().filter(|file| file.extension().is_some_and(|e| e == "rhai")) {
-            let is_step = std::fs::read_to_string(file).is_ok_and(|text| text.contains("fn step("));
+            let is_step = std::fs::read_to_string(file).is_ok_and(|text| is_step_text(&text));
             if is_step {
                 self.add_step_file(file, diagnostics);
             }

@@ -9,6 +9,7 @@ pub mod embedded;
 pub mod library;
 pub mod ron;
 pub mod script;
+pub mod shape;
 pub mod step;
 pub mod symbolic;
 pub mod value;

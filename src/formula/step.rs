@@ -6,6 +6,7 @@ use rhai::{AST, Dynamic, Map};
 
 use super::decode::{Fields, FromValue, entries};
 use super::script::{ScriptEngine, base_scope, to_value};
+use super::shape::ShapeDistance;
 use super::symbolic::{Symbol, to_dynamic};
 use super::value::{Value, ValueKind};
 use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
@@ -39,9 +40,11 @@ pub struct Step {
     pub differentiable: bool,
     /// Parameters in the order of the file.
     pub params: Vec<StepParam>,
+    /// Of a shape what its distance is worth; `None` for maps.
+    pub distance: Option<ShapeDistance>,
     /// Worked examples.
     pub examples: Vec<StepExample>,
-    ast: AST,
+    pub(super) ast: AST,
 }
 
 /// Components of the state that a step acts on.
@@ -53,6 +56,8 @@ pub enum StateWidth {
     Four,
     /// Whatever the orbit has.
     Any,
+    /// Three become four: how orbits of four components start.
+    Embeds,
 }
 
 /// Growth of r far out.
@@ -196,11 +201,13 @@ impl Step {
         engine.tracer.start(arena, sources, self.text);
         let full = inputs.z;
         let narrow = self.state == StateWidth::Three && full.ty().width == 4;
-        let (z, c) = if narrow { (full.xyz(), inputs.c.xyz()) } else { (full, inputs.c) };
+        let embeds = self.state == StateWidth::Embeds;
+        let (z, c) = if narrow || embeds { (full.xyz(), inputs.c.xyz()) } else { (full, inputs.c) };
         let script = |e: Expr<'g>| Dynamic::from(Symbol::new(arena, e));
         let args = vec![script(z), script(c), Dynamic::from(params.clone())];
         let result = engine.call(sources, self.text, &self.ast, "step", args)?;
-        let mut after = self.returned(sources, arena, &result, z.ty(), "step")?;
+        let image = if embeds { Type::V4 } else { z.ty() };
+        let mut after = self.returned(sources, arena, &result, image, "step")?;
         if narrow {
             let parts = after.components();
             after = arena.compose(&[parts[0], parts[1], parts[2], full.component(3)]);
@@ -248,7 +255,7 @@ impl Step {
         number.map(Some)
     }
 
-    fn returned<'g>(
+    pub(super) fn returned<'g>(
         &self,
         sources: &Sources,
         arena: &'g Rc<Arena>,
@@ -322,11 +329,16 @@ fn decode_step(name: &str, text: SourceId, ast: AST, description: &Value, d: &mu
     let growth = fields.optional::<Growth>("growth", d);
     let scalar_rule = fields.optional::<ScalarRule>("scalar_rule", d);
     let differentiable = fields.or("differentiable", true, d);
+    let distance = fields.optional::<ShapeDistance>("distance", d);
     let params: Vec<StepParam> = fields.or("params", Vec::new(), d);
     let example_values: Vec<Value> = fields.or("examples", Vec::new(), d);
     fields.finish(d);
-    let examples = example_values.iter().filter_map(|v| decode_example(v, &params, d)).collect();
-    check_functions(&ast, description.span, scalar_rule.is_some(), d);
+    let examples =
+        example_values.iter().filter_map(|v| decode_example(v, &params, (state, distance.is_some()), d)).collect();
+    match distance {
+        Some(_) => super::shape::check_shape(&ast, description.span, scalar_rule.is_some(), d),
+        None => check_functions(&ast, description.span, scalar_rule.is_some(), d),
+    }
     (d.error_count() == errors).then(|| Step {
         name: name.to_string(),
         text,
@@ -341,6 +353,7 @@ fn decode_step(name: &str, text: SourceId, ast: AST, description: &Value, d: &mu
         scalar_rule,
         differentiable,
         params,
+        distance,
         examples,
         ast,
     })
@@ -348,7 +361,10 @@ fn decode_step(name: &str, text: SourceId, ast: AST, description: &Value, d: &mu
 
 fn check_functions(ast: &AST, span: Span, has_rule: bool, d: &mut Diagnostics) {
     let has = |name: &str| ast.iter_functions().any(|f| f.name == name && f.params.len() == 3);
-    if !has("step") {
+    if !has("step") && super::shape::has_distance(ast) {
+        let message = "there is a `fn distance(z, p)`, but `distance` does not say what it is worth";
+        d.push(Diagnostic::error(message).label(span, "").help("`distance` is \"exact\" or \"bound\""));
+    } else if !has("step") {
         d.push(Diagnostic::error("the file has no `fn step(z, c, p)`").label(span, "described here"));
     }
     if has("derivative") != has_rule {
@@ -361,11 +377,19 @@ fn check_functions(ast: &AST, span: Span, has_rule: bool, d: &mut Diagnostics) {
     }
 }
 
-fn decode_example(value: &Value, params: &[StepParam], d: &mut Diagnostics) -> Option<StepExample> {
+fn decode_example(
+    value: &Value,
+    params: &[StepParam],
+    (state, is_shape): (StateWidth, bool),
+    d: &mut Diagnostics,
+) -> Option<StepExample> {
     let mut fields = Fields::new(value, "an example", d)?;
     let z = fields.required::<Vec<f64>>("z", d);
     let c = fields.optional::<Vec<f64>>("c", d);
-    let expect = fields.required::<Vec<f64>>("expect", d);
+    let expect = match is_shape {
+        true => fields.required::<f64>("expect", d).map(|distance| vec![distance]),
+        false => fields.required::<Vec<f64>>("expect", d),
+    };
     let dr = fields.optional::<f64>("dr", d);
     let expect_dr = fields.optional::<f64>("expect_dr", d);
     let tolerance = fields.or("tolerance", 1e-6, d);
@@ -379,7 +403,11 @@ fn decode_example(value: &Value, params: &[StepParam], d: &mut Diagnostics) -> O
         }
     }
     let (z, expect) = (z?, expect?);
-    if !(3..=4).contains(&z.len()) || z.len() != expect.len() {
+    let fits = match state {
+        StateWidth::Embeds => z.len() == 3 && expect.len() == 4,
+        _ => (3..=4).contains(&z.len()) && (is_shape || z.len() == expect.len()),
+    };
+    if !fits {
         d.push(Diagnostic::error("`z` and `expect` need three or four components each").label(value.span, ""));
         return None;
     }
@@ -513,6 +541,8 @@ macro_rules! words {
     };
 }
 
-words!(StateWidth, "3, 4 or \"any\"", "3" => StateWidth::Three, "4" => StateWidth::Four, "any" => StateWidth::Any);
+words!(StateWidth, "3, 4, \"any\" or \"3 to 4\"", "3" => StateWidth::Three, "4" => StateWidth::Four,
+    "any" => StateWidth::Any, "3 to 4" => StateWidth::Embeds);
+words!(ShapeDistance, "\"exact\" or \"bound\"", "exact" => ShapeDistance::Exact, "bound" => ShapeDistance::Bound);
 words!(Growth, "\"linear\" or \"power\"", "linear" => Growth::Linear, "power" => Growth::Power);
 words!(ScalarRule, "\"exact\" or \"heuristic\"", "exact" => ScalarRule::Exact, "heuristic" => ScalarRule::Heuristic);

@@ -21,8 +21,8 @@ pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
-    Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, LEAST_STEP, LEAST_STEP_OF_PROOFS, Look,
-    Method, OrbitSettings,
+    Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Join, LEAST_STEP,
+    LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
 pub use validate::ValidGraph;
@@ -176,6 +176,13 @@ pub enum NodeKind {
     },
     /// A shape with a known distance.
     Primitive(Primitive),
+    /// A shape of a step file, with its parameters in the file's order.
+    Shape {
+        /// The step file.
+        step: Rc<Step>,
+        /// Its parameters, in the order of the file.
+        params: Vec<ParamInput>,
+    },
     /// The nearest of several fields.
     Union(Vec<NodeRef>),
     /// What all fields share.
@@ -201,6 +208,29 @@ pub enum NodeKind {
         /// Where it stands.
         placement: Placement,
     },
+    /// A field seen through a map of space.
+    Warp {
+        /// The field.
+        of: NodeRef,
+        /// The map: what it sends into the field is in.
+        by: NodeRef,
+    },
+    /// Copies of a field side by side.
+    Tile {
+        /// The field, within its cell around the origin.
+        of: NodeRef,
+        /// Where the copies stand.
+        tiling: Tiling,
+    },
+}
+
+/// Copies of a field side by side.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Tiling {
+    /// Distance of the copies along each axis; 0 along axes without copies.
+    pub period: [f64; 3],
+    /// Whether every second copy is mirrored, so that neighbours meet at their walls.
+    pub mirror: bool,
 }
 
 /// When a [`NodeKind::Choose`] takes its first map.
@@ -309,12 +339,18 @@ impl NodeKind {
     /// The nodes it is wired to.
     pub fn wires(&self) -> Vec<NodeRef> {
         match self {
-            NodeKind::Step { .. } | NodeKind::Primitive(_) => Vec::new(),
+            NodeKind::Step { .. } | NodeKind::Primitive(_) | NodeKind::Shape { .. } => Vec::new(),
             NodeKind::Sequence(of) | NodeKind::Union(of) | NodeKind::Intersection(of) => of.clone(),
             NodeKind::SmoothUnion { of, .. } => of.clone(),
-            NodeKind::Repeat { of, .. } | NodeKind::Item { of, .. } | NodeKind::Transform { of, .. } => vec![*of],
+            NodeKind::Repeat { of, .. }
+            | NodeKind::Item { of, .. }
+            | NodeKind::Transform { of, .. }
+            | NodeKind::Tile { of, .. } => vec![*of],
+            NodeKind::Warp { of, by } => vec![*of, *by],
             NodeKind::Orbit { of, settings } => {
-                std::iter::once(*of).chain(settings.pre.iter().copied()).chain(settings.post.iter().copied()).collect()
+                let shape = settings.shape.map(|shape| shape.field);
+                let maps = settings.pre.iter().chain(&settings.post).copied();
+                std::iter::once(*of).chain(maps).chain(shape).collect()
             }
             NodeKind::Blend { a, b, .. } => a.iter().copied().chain([*b]).collect(),
             NodeKind::Choose { then, otherwise, .. } => [*then].into_iter().chain(*otherwise).collect(),
@@ -327,7 +363,7 @@ impl NodeKind {
     /// The name of its kind in files; a step's own name.
     pub fn keyword(&self) -> &str {
         match self {
-            NodeKind::Step { step, .. } => &step.name,
+            NodeKind::Step { step, .. } | NodeKind::Shape { step, .. } => &step.name,
             NodeKind::Sequence(_) => "Sequence",
             NodeKind::Repeat { .. } => "Repeat",
             NodeKind::Blend { .. } => "Blend",
@@ -346,6 +382,8 @@ impl NodeKind {
             NodeKind::Difference { .. } => "Difference",
             NodeKind::SmoothUnion { .. } => "SmoothUnion",
             NodeKind::Transform { .. } => "Transform",
+            NodeKind::Warp { .. } => "Warp",
+            NodeKind::Tile { .. } => "Tile",
         }
     }
 }

@@ -1,7 +1,10 @@
 //! Reading nodes: `step_name(parameter: value)` is a step, a capitalised name one of the kinds below.
 
 use super::read::{Kind, Reader};
-use super::{Condition, NodeKind, NodeRef, ParamInput, Placement, Primitive, SphereForm};
+use super::{
+    Condition, Constant, EndShape, Join, Levels, NO_ESCAPE, NodeKind, NodeRef, OrbitSettings, ParamInput, Placement,
+    Primitive, SphereForm, Tiling,
+};
 use crate::diag::Diagnostic;
 use crate::formula::decode::{Fields, wrong_type};
 use crate::formula::step::{ParamKind, ParamValue, StepParam, decode_param, unknown_param};
@@ -17,6 +20,7 @@ pub(super) const KEYWORDS: &[&str] = &[
     "Alternate",
     "Item",
     "Orbit",
+    "Levels",
     "Sphere",
     "Box",
     "Torus",
@@ -27,6 +31,8 @@ pub(super) const KEYWORDS: &[&str] = &[
     "Difference",
     "SmoothUnion",
     "Transform",
+    "Warp",
+    "Tile",
 ];
 
 impl Reader<'_> {
@@ -86,7 +92,7 @@ impl Reader<'_> {
             })
             .collect();
         let params = params.into_iter().collect::<Option<Vec<_>>>()?;
-        Some(NodeKind::Step { step, params })
+        Some(if step.is_shape() { NodeKind::Shape { step, params } } else { NodeKind::Step { step, params } })
     }
 
     /// A parameter: a plain value, or an expression of the fractal's parameters and the iteration number `n`.
@@ -225,6 +231,7 @@ impl Reader<'_> {
                 let settings = self.orbit_settings(&mut fields, &super::OrbitSettings::default());
                 self.build(|| Some(NodeKind::Orbit { of: of?, settings: Box::new(settings) }))
             }
+            "Levels" => self.levels(&mut fields),
             "Difference" => {
                 let (a, b) = (self.required_wire(&mut fields, "a"), self.required_wire(&mut fields, "b"));
                 self.build(|| Some(NodeKind::Difference { a: a?, b: b? }))
@@ -242,6 +249,11 @@ impl Reader<'_> {
                 self.build(|| Some(NodeKind::SmoothUnion { of: of?, radius: radius? }))
             }
             "Transform" => self.transform(&mut fields),
+            "Warp" => {
+                let (of, by) = (self.required_wire(&mut fields, "of"), self.required_wire(&mut fields, "by"));
+                self.build(|| Some(NodeKind::Warp { of: of?, by: by? }))
+            }
+            "Tile" => self.tile(&mut fields),
             "Sphere" | "Box" | "Torus" | "Plane" | "Cylinder" => {
                 self.primitive(&name.text, &mut fields).map(NodeKind::Primitive)
             }
@@ -278,6 +290,41 @@ impl Reader<'_> {
                 None
             }
         }
+    }
+
+    fn levels(&mut self, fields: &mut Fields) -> Kind {
+        let of = self.required_wire(fields, "of");
+        let field = self.required_wire(fields, "shape");
+        let from = fields.optional_value("from").map_or(Some(0.0), |v| self.number(v, 0.0, 1000.0));
+        let to = self.required_number(fields, "to", 1.0, 1000.0);
+        let join = fields.optional_value("join").map_or(Some(Join::Union), |v| self.join(v));
+        let span = fields.span();
+        let base = OrbitSettings { constant: Constant::Off, escape_radius: NO_ESCAPE, ..OrbitSettings::default() };
+        let mut settings = self.orbit_settings(fields, &base);
+        let (from, to) = (from? as u32, to? as u32);
+        if from >= to {
+            let message = "there are no levels: `from` is not below `to`";
+            self.d.push(Diagnostic::error(message).label(span, format!("levels {from} to {to}, without the last")));
+            return None;
+        }
+        settings.max_iterations = to - 1;
+        settings.shape = Some(EndShape { field: field?, levels: Some(Levels { from, join: join? }) });
+        Some(NodeKind::Orbit { of: of?, settings: Box::new(settings) })
+    }
+
+    /// `Union`, `Intersection`, `Difference` or `SmoothUnion(radius)`.
+    fn join(&mut self, value: &Value) -> Option<Join> {
+        match &value.kind {
+            ValueKind::Variant(name) if name.text == "Union" => return Some(Join::Union),
+            ValueKind::Variant(name) if name.text == "Intersection" => return Some(Join::Intersection),
+            ValueKind::Variant(name) if name.text == "Difference" => return Some(Join::Difference),
+            ValueKind::Tuple { name: Some(name), items } if name.text == "SmoothUnion" && items.len() == 1 => {
+                return self.number(&items[0], 1e-6, 1e6).map(Join::SmoothUnion);
+            }
+            _ => {}
+        }
+        wrong_type(value, "a join: Union, Intersection, Difference or SmoothUnion(radius)", self.d);
+        None
     }
 
     fn choose(&mut self, fields: &mut Fields) -> Kind {
@@ -319,6 +366,18 @@ impl Reader<'_> {
         let scale = fields.optional_value("scale").map_or(Some(1.0), |v| self.number(v, 1e-6, 1e6));
         let placement = Placement { translate: translate?, axis: axis?, angle: angle?.to_radians(), scale: scale? };
         Some(NodeKind::Transform { of: of?, placement })
+    }
+
+    fn tile(&mut self, fields: &mut Fields) -> Kind {
+        let of = self.required_wire(fields, "of");
+        let mirror = fields.or("mirror", false, self.d);
+        let Some(value) = fields.optional_value("period") else {
+            let message = "`Tile` needs a `period`";
+            self.d.push(Diagnostic::error(message).label(fields.span(), "").help(form_of("Tile")));
+            return None;
+        };
+        let period = self.vector(value, 0.0, 1e6)?;
+        Some(NodeKind::Tile { of: of?, tiling: Tiling { period, mirror } })
     }
 
     fn primitive(&mut self, name: &str, fields: &mut Fields) -> Option<Primitive> {
@@ -374,6 +433,7 @@ pub(super) fn form_of(name: &str) -> String {
         "Alternate" => "Alternate([(\"box\", 2), (\"bulb\", 1)])",
         "Item" => "Item(of: \"menger\", constant: Off)",
         "Orbit" => "Orbit(of: \"loop\", max_iterations: 12)",
+        "Levels" => "Levels(of: \"loop\", shape: \"box\", from: 0, to: 6, join: Union)",
         "Sphere" => "Sphere(centre: (0, 0, 0), radius: 1.0, form: signed)",
         "Box" => "Box(centre: (0, 0, 0), half_size: (1, 1, 1))",
         "Torus" => "Torus(major: 1.0, minor: 0.25)",
@@ -383,6 +443,8 @@ pub(super) fn form_of(name: &str) -> String {
         "Intersection" => "Intersection([\"bulb\", \"ball\"])",
         "Difference" => "Difference(a: \"bulb\", b: \"ball\")",
         "SmoothUnion" => "SmoothUnion(of: [\"bulb\", \"ball\"], radius: 0.1)",
+        "Warp" => "Warp(of: \"bulb\", by: \"twist\")",
+        "Tile" => "Tile(of: \"ball\", period: (2, 2, 0), mirror: false)",
         _ => "Transform(of: \"bulb\", translate: (1, 0, 0), axis: (0, 0, 1), angle: 30, scale: 0.5)",
     };
     format!("write `{form}`")

@@ -37,7 +37,7 @@ pub fn dot(graph: &Graph) -> String {
 fn describe(graph: &Graph, kind: &NodeKind) -> String {
     let wires: Vec<&str> = kind.wires().iter().map(|w| graph.node(*w).name.as_str()).collect();
     match kind {
-        NodeKind::Step { step, params } => {
+        NodeKind::Step { step, params } | NodeKind::Shape { step, params } => {
             let params: Vec<String> =
                 step.params.iter().zip(params).map(|(p, v)| format!("{}: {}", p.name, input(v))).collect();
             format!("{}({})", step.name, params.join(", "))
@@ -52,11 +52,24 @@ fn describe(graph: &Graph, kind: &NodeKind) -> String {
             format!("Alternate({})", turns.join(", "))
         }
         NodeKind::Item { constant, .. } => format!("Item({} constant {constant:?})", wires[0]),
-        NodeKind::Orbit { settings, .. } => format!(
-            "Orbit({} constant {:?}, escape_radius {}, max_iterations {})",
-            wires[0], settings.constant, settings.escape_radius, settings.max_iterations
-        ),
+        NodeKind::Orbit { settings, .. } => {
+            let shape = settings.shape.map(|shape| match shape.levels {
+                Some(levels) => {
+                    format!(", {} at levels from {}: {:?}", graph.node(shape.field).name, levels.from, levels.join)
+                }
+                None => format!(", end {}", graph.node(shape.field).name),
+            });
+            format!(
+                "Orbit({} constant {:?}, escape_radius {}, max_iterations {}{})",
+                wires[0],
+                settings.constant,
+                settings.escape_radius,
+                settings.max_iterations,
+                shape.unwrap_or_default()
+            )
+        }
         NodeKind::SmoothUnion { radius, .. } => format!("SmoothUnion({} radius {radius})", wires.join(", ")),
+        NodeKind::Tile { tiling, .. } => format!("Tile({} {tiling:?})", wires[0]),
         NodeKind::Transform { placement, .. } => format!("Transform({} {placement:?})", wires[0]),
         other => format!("{}({})", other.keyword(), wires.join(", ")),
     }

@@ -7,7 +7,9 @@ use rhai::Scope;
 use super::fields::read_look;
 use super::overrides::{Override, apply_override};
 use super::presets::read_presets;
-use super::settings::{Camera, Constant, DeForm, Difference, DifferenceStep, EstimateSettings, Method, OrbitSettings};
+use super::settings::{
+    Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Method, NO_ESCAPE, OrbitSettings,
+};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
 use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
@@ -325,7 +327,9 @@ impl Reader<'_> {
                 *list = self.wires(value).unwrap_or_default();
             }
         }
-        if let Some(value) = fields.optional_value("escape_radius") {
+        let escape = fields.optional_value("escape_radius");
+        let escapes = escape.is_some();
+        if let Some(value) = escape {
             settings.escape_radius = self.number(value, 1e-3, 1e6).unwrap_or(settings.escape_radius);
         }
         if let Some(value) = fields.optional_value("max_iterations") {
@@ -334,6 +338,10 @@ impl Reader<'_> {
         }
         if let Some(value) = fields.optional_value("slice") {
             settings.slice = self.number(value, -1e6, 1e6).unwrap_or(settings.slice);
+        }
+        if let Some(value) = fields.optional_value("end") {
+            settings.shape = self.wire(value).map(|field| EndShape { field, levels: None });
+            settings.escape_radius = if escapes { settings.escape_radius } else { NO_ESCAPE };
         }
         if let Some(value) = fields.optional_value("estimate") {
             settings.estimate = self.estimate(value).unwrap_or_default();

@@ -83,7 +83,7 @@ struct Run {
 /// Runs a graph script whose text is in the library's sources. Parameters that it asks for are taken from `overrides`
 /// and declared in the result, so [`read`](super::read()) accepts those overrides.
 pub fn run_script(library: &Library, text: SourceId, overrides: &[Override], d: &mut Diagnostics) -> Option<Value> {
-    if library.sources.text(text).contains("fn step(") {
+    if crate::formula::shape::is_step_text(library.sources.text(text)) {
         let message = "this is a step, not a graph script";
         let help = "use it in a formula file beside it, or with --steps FOLDER; a graph script returns a graph";
         d.push(Diagnostic::error(message).label(library.sources.span_at(text, 1, 1), "").help(help));

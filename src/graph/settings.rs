@@ -147,10 +147,12 @@ pub enum DeForm {
     /// `(distance of z from the plane through 0 across axis - radius) / dr`, for orbits that need not escape, such as those
     /// of pseudo-Kleinian systems. Such an orbit is inside only where it ends in the slab.
     Plane,
+    /// `distance of z from the orbit's end shape / dr`. No choice: orbits with an end shape have it, others do not.
+    End,
 }
 
 impl DeForm {
-    /// All forms, in the order of listings.
+    /// All forms that may be chosen, in the order of listings.
     pub const ALL: [DeForm; 4] = [DeForm::Linear, DeForm::Logarithmic, DeForm::Box, DeForm::Plane];
 
     /// The name in files, flags and listings.
@@ -160,6 +162,7 @@ impl DeForm {
             DeForm::Logarithmic => "logarithmic",
             DeForm::Box => "box",
             DeForm::Plane => "plane",
+            DeForm::End => "end",
         }
     }
 
@@ -170,12 +173,13 @@ impl DeForm {
             DeForm::Logarithmic => "r ln r / 2 dr, for orbits that grow by a power",
             DeForm::Box => "distance to a cube, for attractors that are boxes",
             DeForm::Plane => "distance to a plane, for orbits that need not escape",
+            DeForm::End => "distance to the end shape",
         }
     }
 
     /// Whether the form is that of an end shape, which decides membership of orbits that have not escaped.
     pub const fn is_shape(self) -> bool {
-        matches!(self, DeForm::Box | DeForm::Plane)
+        matches!(self, DeForm::Box | DeForm::Plane | DeForm::End)
     }
 }
 
@@ -285,6 +289,40 @@ impl EstimateSettings {
     }
 }
 
+/// The escape radius of orbits with an end shape that give none: none escapes.
+pub const NO_ESCAPE: f64 = 1e18;
+
+/// A field that the orbit's end is looked up in.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct EndShape {
+    /// The field, in formula units: where it is not above 0 at z, the start point is in.
+    pub field: NodeRef,
+    /// Levels that it is looked up at; at the end alone where absent.
+    pub levels: Option<Levels>,
+}
+
+/// At which levels of an orbit a field is looked up: before any iteration (0), after the first (1) and so on to the end.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Levels {
+    /// First level.
+    pub from: u32,
+    /// How levels are joined.
+    pub join: Join,
+}
+
+/// How the levels of a field are joined.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Join {
+    /// What is in at any level.
+    Union,
+    /// What is in at all levels.
+    Intersection,
+    /// The first level without the others.
+    Difference,
+    /// A union whose seams are rounded with this radius, in units of the orbit's frame.
+    SmoothUnion(f64),
+}
+
 /// How an orbit is iterated.
 #[derive(Clone, PartialEq, Debug)]
 pub struct OrbitSettings {
@@ -300,6 +338,8 @@ pub struct OrbitSettings {
     pub max_iterations: u32,
     /// Start value of w where the state has four components.
     pub slice: f64,
+    /// The field that says what is in, in the place of escaping.
+    pub shape: Option<EndShape>,
     /// What is fixed about the estimate.
     pub estimate: EstimateSettings,
 }
@@ -313,6 +353,7 @@ impl Default for OrbitSettings {
             escape_radius: 30.0,
             max_iterations: 20,
             slice: 0.0,
+            shape: None,
             estimate: EstimateSettings::default(),
         }
     }

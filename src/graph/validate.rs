@@ -2,9 +2,9 @@
 
 use std::ops::Deref;
 
-use super::{Camera, Graph, Node, NodeKind, NodeRef, OrbitSettings};
+use super::{Camera, DeForm, Graph, Node, NodeKind, NodeRef, OrbitSettings};
 use crate::diag::{Diagnostic, Diagnostics};
-use crate::formula::step::StateWidth;
+use crate::formula::step::{Growth, StateWidth, Step};
 
 /// A graph that `validate` has passed: no cycles, the right kind of node on every wire. Its output is a field.
 #[derive(Clone)]
@@ -35,6 +35,7 @@ pub(super) fn validate(mut graph: Graph, d: &mut Diagnostics) -> Option<ValidGra
     for node in &graph.nodes {
         check_kinds(&graph, node, d);
     }
+    check_shapes(&graph, graph.output, (3, false), d);
     if d.error_count() > errors {
         return None;
     }
@@ -114,7 +115,9 @@ fn wrap_maps(graph: &mut Graph, node: usize) {
             *a = as_field(graph, *a);
             *b = as_field(graph, *b);
         }
-        NodeKind::Transform { of, .. } => *of = as_field(graph, *of),
+        NodeKind::Transform { of, .. } | NodeKind::Warp { of, .. } | NodeKind::Tile { of, .. } => {
+            *of = as_field(graph, *of);
+        }
         _ => return,
     }
     graph.nodes[node].kind = kind;
@@ -123,8 +126,24 @@ fn wrap_maps(graph: &mut Graph, node: usize) {
 /// Maps may only be made of maps.
 fn check_kinds(graph: &Graph, node: &Node, d: &mut Diagnostics) {
     let takes_maps = node.kind.is_map() || matches!(node.kind, NodeKind::Orbit { .. });
+    if let NodeKind::Warp { by, .. } = &node.kind {
+        let target = graph.node(*by);
+        if !target.kind.is_map() || graph.embeds(*by) {
+            let what = if target.kind.is_map() { "makes four components of three" } else { "is a distance field" };
+            let message = format!("`{}` {what} and cannot warp space", target.name);
+            d.push(
+                Diagnostic::error(message)
+                    .label(node.span, "is warped by a step or a sequence of steps")
+                    .help("`Warp(of: \"field\", by: \"step\")`; fields of four components start with `pre: [...]`"),
+            );
+        }
+    }
+    let shape = match &node.kind {
+        NodeKind::Orbit { settings, .. } => settings.shape.map(|shape| shape.field),
+        _ => None,
+    };
     if takes_maps {
-        for wire in node.kind.wires() {
+        for wire in node.kind.wires().into_iter().filter(|wire| Some(*wire) != shape) {
             let target = graph.node(wire);
             if !target.kind.is_map() {
                 let message =
@@ -133,10 +152,16 @@ fn check_kinds(graph: &Graph, node: &Node, d: &mut Diagnostics) {
                     Diagnostic::error(message)
                         .label(node.span, "needs maps of the orbit")
                         .label(target.span, "this is a distance field")
-                        .help("fields are joined by Union, Intersection, Difference, SmoothUnion and Transform"),
+                        .help("fields are joined by Union, Intersection, Difference, SmoothUnion, Transform, Warp and Tile"),
                 );
             }
         }
+    }
+    if let NodeKind::Orbit { of, settings } = &node.kind
+        && [*of].iter().chain(&settings.post).any(|root| graph.embeds(*root))
+    {
+        let message = "a step that makes four components of three can stand before an orbit only";
+        d.push(Diagnostic::error(message).label(node.span, "iterated here").help("name it in `pre: [...]`"));
     }
     let iteration_only = |wire: &NodeRef| matches!(graph.node(*wire).kind, NodeKind::Item { .. });
     let holds_iterations = matches!(
@@ -147,6 +172,64 @@ fn check_kinds(graph: &Graph, node: &Node, d: &mut Diagnostics) {
         let message = format!("`{}` cannot stand inside `{}`", graph.node(*item).name, node.kind.keyword());
         let help = "an Item is a whole iteration: use it in Alternate, Between, Choose by iteration, or as the output";
         d.push(Diagnostic::error(message).label(graph.node(*item).span, "").help(help));
+    }
+}
+
+/// Most iterations of an orbit inside an end shape, where each becomes a part of one expression.
+const MOST_UNROLLED: u32 = 16;
+
+/// Orbits inside end shapes are unrolled, and nothing about them is measured.
+fn check_unrolled(graph: &Graph, node: &Node, of: NodeRef, settings: &OrbitSettings, d: &mut Diagnostics) {
+    if settings.max_iterations > MOST_UNROLLED {
+        let message = format!("an orbit inside an end shape may have {MOST_UNROLLED} iterations");
+        let found = format!("it has {}", settings.max_iterations);
+        d.push(Diagnostic::error(message).label(node.span, found).help("give it `max_iterations: 6`, say"));
+    }
+    let has_power = graph.any_step(of, |step| step.growth == Some(Growth::Power));
+    let logarithmic = settings.estimate.form.map_or(has_power, |form| form == DeForm::Logarithmic);
+    if settings.shape.is_some_and(|shape| shape.levels.is_some()) {
+        let message = "levels cannot stand inside an end shape";
+        d.push(Diagnostic::error(message).label(node.span, "looked up at every level").help("wire their field itself"));
+    }
+    if settings.shape.is_none() && !logarithmic && settings.estimate.radius.is_none() {
+        d.push(
+            Diagnostic::error("an orbit inside an end shape needs the radius of its set")
+                .label(node.span, "nothing is measured here")
+                .help("give it `estimate: (radius: 1.7)`: of a ball around the set, for `form: box` half its side"),
+        );
+    }
+}
+
+/// Shapes of four components need a state of four, and end shapes must be fields.
+fn check_shapes(graph: &Graph, of: NodeRef, (width, in_end): (u8, bool), d: &mut Diagnostics) {
+    let node = graph.node(of);
+    match &node.kind {
+        NodeKind::Shape { step, .. } if step.state == StateWidth::Four && width != 4 => {
+            let message = format!("`{}` is a shape of four components, and the point here has three", step.name);
+            d.push(Diagnostic::error(message).label(node.span, "").help(
+                "use it as the end of an orbit of four components: `Orbit(of: ..., pre: [\"stereographic\"], end: ...)`",
+            ));
+        }
+        NodeKind::Orbit { of, settings } => {
+            if in_end {
+                check_unrolled(graph, node, *of, settings, d);
+            }
+            let Some(shape) = settings.shape else { return };
+            let end = graph.node(shape.field);
+            if end.kind.is_map() {
+                let message = format!("`{}` is a map, and an end shape is a distance field", end.name);
+                d.push(
+                    Diagnostic::error(message)
+                        .label(end.span, "this is a map")
+                        .label(node.span, "its end is looked up in a field")
+                        .help("fields are shapes such as Box(...), their combinations, and `Orbit(of: \"map\", ...)`"),
+                );
+            }
+            let embeds = graph.state_width(*of, settings);
+            check_shapes(graph, shape.field, (embeds, true), d);
+        }
+        kind if kind.is_map() => {}
+        kind => kind.wires().into_iter().for_each(|wire| check_shapes(graph, wire, (width, in_end), d)),
     }
 }
 
@@ -182,9 +265,25 @@ impl ValidGraph {
         }
         ValidGraph(graph)
     }
+}
 
-    /// Components of the orbit state of a map: 4 if any of its steps asks for four.
-    pub fn state_width(&self, root: NodeRef) -> u8 {
+impl Graph {
+    /// Components of the state of an orbit: 4 if any of its steps asks for four or a first map makes four of three.
+    pub fn state_width(&self, root: NodeRef, settings: &OrbitSettings) -> u8 {
+        let roots = [root].into_iter().chain(settings.pre.iter().copied());
+        if roots.into_iter().any(|root| self.asks_for_four(root)) { 4 } else { 3 }
+    }
+
+    /// True where a map makes a state of four components of three.
+    pub fn embeds(&self, root: NodeRef) -> bool {
+        self.any_step(root, |step| step.state == StateWidth::Embeds)
+    }
+
+    fn asks_for_four(&self, root: NodeRef) -> bool {
+        self.any_step(root, |step| matches!(step.state, StateWidth::Four | StateWidth::Embeds))
+    }
+
+    fn any_step(&self, root: NodeRef, holds: impl Fn(&Step) -> bool) -> bool {
         let mut stack = vec![root];
         let mut seen = vec![false; self.nodes.len()];
         while let Some(of) = stack.pop() {
@@ -192,11 +291,11 @@ impl ValidGraph {
                 continue;
             }
             let kind = &self.node(of).kind;
-            if matches!(kind, NodeKind::Step { step, .. } if step.state == StateWidth::Four) {
-                return 4;
+            if matches!(kind, NodeKind::Step { step, .. } if holds(step)) {
+                return true;
             }
             stack.extend(kind.wires());
         }
-        3
+        false
     }
 }

@@ -72,7 +72,7 @@ fn is_about_growth(form: DeForm) -> bool {
 
 fn growth_exponent(composer: &Composer, orbit: &FieldOrbit) -> Result<f64, Diagnostic> {
     let (function, _) = compose_growth(composer, orbit.root, &orbit.settings)?;
-    let width = usize::from(composer.graph.state_width(orbit.root));
+    let width = usize::from(composer.graph.state_width(orbit.root, &orbit.settings));
     let cpu = Cpu::new(Precision::F64);
     let kernel = cpu.prepare(composer.arena, &Kernel::Map(function)).expect("the CPU takes every kernel");
     let directions = spread(64, 0.3);

@@ -14,12 +14,18 @@
 mod rules;
 mod thresholds;
 
+use super::field::shape_at;
+use super::levels::Joined;
 use super::orbit::condition;
-use super::placement::Frame;
+use super::placement::{Frame, Place};
 use super::{Choice, ComposeResult, Composer, Purpose};
+use crate::expr::differentiate::reachable;
 use crate::expr::enclose::UNBOUNDED;
-use crate::expr::{Differentiator, Expr, Function, Port, Type};
-use crate::graph::{Condition, Constant, IterationMap, MapTree, Method, NodeRef, OrbitSettings, resolve_schedule};
+use crate::expr::{Expr, Function, Port, Type};
+use crate::formula::step::Traced;
+use crate::graph::{
+    Condition, Constant, EndShape, IterationMap, MapTree, Method, NO_ESCAPE, NodeRef, OrbitSettings, resolve_schedule,
+};
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
 use rules::{RuleInputs, StepRule, Tangent, step_rule};
 
@@ -108,8 +114,23 @@ pub(super) fn compose_certified(
     choice: &Choice,
     purpose: Purpose,
 ) -> ComposeResult<Orbit> {
-    let width = composer.graph.state_width(root);
+    let width = composer.graph.state_width(root, settings);
     Builder { composer, settings, frame, width, choice, purpose }.build(name, root)
+}
+
+/// Most that a map stretches distances from `z` within a ball of radius `e`.
+pub(super) fn growth_of<'a>(
+    composer: &Composer<'a>,
+    by: NodeRef,
+    z: Expr<'a>,
+    e: Expr<'a>,
+    unit: f64,
+) -> ComposeResult<Expr<'a>> {
+    let zero = e.lift(0.0);
+    let context = Context { composer, e0: e, c: z.lift(0.0), c_l: zero, n: zero, unit };
+    let (maps, _) = resolve_schedule(composer.graph, by, Constant::Off, 1);
+    let start = Moved { z, l: e.lift(1.0), eta: zero, segment: None };
+    Ok(context.apply(&maps[0].map, start)?.l)
 }
 
 struct Builder<'a> {
@@ -147,6 +168,10 @@ impl<'a> Builder<'a> {
         for (name, e) in start.parts("") {
             give(name, e, &mut state);
         }
+        let first = self.join(None, start, e0, arena.f(0.0))?;
+        if let Some(joined) = &first {
+            give("level".into(), joined.d, &mut state);
+        }
         give("s".into(), arena.f(0.0), &mut state);
         let mut frozen = Vec::new();
         give("e0".into(), e0, &mut frozen);
@@ -156,6 +181,7 @@ impl<'a> Builder<'a> {
 
         let moved = start.as_inputs(0, false);
         let s = arena.input((state.len() - 1) as u16, Type::F);
+        let joined = first.map(|_| Joined { d: arena.input((state.len() - 2) as u16, Type::F), gradient: None });
         let fixed =
             Frozen { e0: arena.input(state.len() as u16, Type::F), start: start.as_inputs(state.len() + 1, true) };
         let mut ports: Vec<Port> = state.iter().chain(&frozen).cloned().collect();
@@ -170,6 +196,9 @@ impl<'a> Builder<'a> {
             for (name, e) in next.parts("") {
                 function.output(name, e);
             }
+            if let Some(joined) = self.join(joined.clone(), next, fixed.e0, n + 1.0)? {
+                function.output("level", joined.d);
+            }
             function.output("s", s);
             let escape = arena.f(self.settings.escape_radius * self.settings.escape_radius);
             // NaN compares false, so it counts as escaped.
@@ -177,7 +206,8 @@ impl<'a> Builder<'a> {
             items.push(function);
         }
         let mut finish = Function::new(format!("{name}_finish"), ports);
-        finish.output("de", fixed.e0.min(s * MARGIN).max(arena.f(0.0)));
+        let proven = fixed.e0.min(s * MARGIN).max(arena.f(0.0));
+        finish.output("de", self.end_proof(moved, joined, &fixed, (proven, n))?);
         if self.purpose == Purpose::Probe {
             finish.output("r", moved.z.length());
             let parts = moved.z.components();
@@ -191,23 +221,35 @@ impl<'a> Builder<'a> {
     fn start(&self) -> ComposeResult<(Moved<'a>, Expr<'a>)> {
         let arena = self.composer.arena;
         let EstimatorInputs { p, d, h, .. } = EstimatorInputs::new(arena);
-        let local = self.frame.local_from_world(p);
         let widen = |v: Expr<'a>, w: f64| {
             let parts = v.components();
-            if self.width == 4 { arena.compose(&[parts[0], parts[1], parts[2], arena.f(w)]) } else { v }
+            let embeds = self.settings.pre.iter().any(|node| self.composer.graph.embeds(*node));
+            if self.width == 4 && !embeds { arena.compose(&[parts[0], parts[1], parts[2], arena.f(w)]) } else { v }
         };
-        let z = widen(local, self.settings.slice);
         let along = self.choice.method == Method::Certified;
         let e0 = h.min(arena.f(self.choice.extent * LARGEST_START * self.frame.scale()));
         let zero = arena.f(0.0);
-        let mut moved = Moved {
-            z,
-            l: arena.f(1.0 / self.frame.scale()),
-            eta: z.length() * (4.0 * self.choice.unit),
-            segment: along.then(|| (widen(Differentiator::new(arena, &[(p, d)]).derivative(local), 0.0), zero)),
-        };
+        let rounding = |z: Expr<'a>| z.length() * (4.0 * self.choice.unit);
+        let mut moved = Moved { z: p, l: arena.f(1.0), eta: rounding(p), segment: along.then_some((d, zero)) };
         let context =
-            Context { composer: self.composer, e0, c: z.lift(0.0), c_l: zero, n: zero, unit: self.choice.unit };
+            Context { composer: self.composer, e0, c: p.lift(0.0), c_l: zero, n: zero, unit: self.choice.unit };
+        for place in self.frame.places() {
+            moved = match place {
+                Place::Warped(by) => {
+                    let (maps, _) = resolve_schedule(self.composer.graph, *by, Constant::Off, 1);
+                    context.apply(&maps[0].map, moved)?
+                }
+                _ => {
+                    let z = place.enter(self.composer, Traced { z: moved.z, dr: None })?.z;
+                    let shrink = place.shrink();
+                    let segment = moved.segment.map(|(v, rho)| (place.turn(moved.z, v), rho * shrink));
+                    Moved { z, l: moved.l * shrink, eta: moved.eta * shrink + rounding(z), segment }
+                }
+            };
+        }
+        moved.z = widen(moved.z, self.settings.slice);
+        moved.segment = moved.segment.map(|(v, rho)| (widen(v, 0.0), rho));
+        let context = Context { c: moved.z.lift(0.0), ..context };
         for node in &self.settings.pre {
             let (maps, _) = resolve_schedule(self.composer.graph, *node, Constant::Off, 1);
             moved = context.apply(&maps[0].map, moved)?;
@@ -261,6 +303,60 @@ impl<'a> Builder<'a> {
         let reach = frozen.start.z.length() + frozen.start.l * frozen.e0 + frozen.start.eta;
         let largest = arena.f(self.choice.extent * (1.0 + LARGEST_START));
         reach.le(largest).select(limit, arena.f(self.settings.escape_radius))
+    }
+
+    /// With an end shape the ball is also empty where the image's distance from the shape is above its radius; below 0
+    /// where the start point is in, as deep as is proven the same way. Without one it is what was proven by escaping.
+    fn end_proof(
+        &self,
+        moved: Moved<'a>,
+        joined: Option<Joined<'a>>,
+        fixed: &Frozen<'a>,
+        (by_escape, n): (Expr<'a>, Expr<'a>),
+    ) -> ComposeResult<Expr<'a>> {
+        let Some(shape) = self.settings.shape else { return Ok(by_escape) };
+        let zero = by_escape.lift(0.0);
+        let d = match joined {
+            Some(joined) => joined.d,
+            None => self.looked_up(shape.field, moved, fixed.e0, n)?,
+        };
+        let proven = fixed.e0.min(d.abs() * MARGIN);
+        // An orbit that escapes is out whatever the shape says, so the inside is proven only where none can.
+        let depth = if self.settings.escape_radius < NO_ESCAPE { zero } else { proven };
+        Ok(d.lt(zero).select(-depth.max(zero.lift(1e-30)), proven.max(by_escape)))
+    }
+
+    /// How far from the start point nothing of the shape's preimage is, or below 0 how far all is in.
+    fn looked_up(&self, field: NodeRef, moved: Moved<'a>, e0: Expr<'a>, n: Expr<'a>) -> ComposeResult<Expr<'a>> {
+        let arena = self.composer.arena;
+        let zero = arena.f(0.0);
+        let c = moved.z.lift(0.0);
+        let context = Context { composer: self.composer, e0, c, c_l: zero, n, unit: self.choice.unit };
+        let mut end = moved;
+        for node in &self.settings.post {
+            let (maps, _) = resolve_schedule(self.composer.graph, *node, Constant::Off, 1);
+            end = context.apply(&maps[0].map, end)?;
+        }
+        let f = shape_at(self.composer, field, end.z, n)?;
+        let rounded = reachable(arena, &[f.id]).len() as f64 * 4.0 * self.choice.unit;
+        let sure = f.abs() - end.eta - (end.z.length() + 1.0) * rounded;
+        let known = end.l.lt(arena.f(UNBOUNDED)).and(f.abs().lt(arena.f(UNBOUNDED)));
+        let proven = known.select(sure / end.l.max(arena.f(1e-30)), zero).max(zero);
+        Ok(f.le(zero).select(-proven.max(arena.f(1e-30)), proven))
+    }
+
+    /// The levels so far joined with that of a state after `n` iterations.
+    fn join(
+        &self,
+        before: Option<Joined<'a>>,
+        moved: Moved<'a>,
+        e0: Expr<'a>,
+        n: Expr<'a>,
+    ) -> ComposeResult<Option<Joined<'a>>> {
+        let Some(EndShape { field, levels: Some(levels) }) = self.settings.shape else { return Ok(None) };
+        let before = before.unwrap_or_else(|| Joined::nothing(levels.join, n, false));
+        let next = Joined { d: self.looked_up(field, moved, e0, n)?, gradient: None };
+        Ok(Some(before.with(levels, n, next)))
     }
 
     /// The largest start radius proven so far: everything within it is above the threshold now.

@@ -1,0 +1,66 @@
+//! A field at a point: its distance, what goes with it, and how two of them are joined.
+
+use crate::expr::Expr;
+
+/// A field at a point.
+#[derive(Clone, Copy)]
+pub(super) struct FieldValue<'g> {
+    /// Distance, below 0 inside where that is known.
+    pub(super) d: Expr<'g>,
+    /// Whether the point is in.
+    pub(super) inside: Expr<'g>,
+    /// For surfaces: unit gradient.
+    pub(super) gradient: Option<Expr<'g>>,
+    /// For surfaces: traps.
+    pub(super) trap: Option<Expr<'g>>,
+    /// For decisions: number of the decider.
+    pub(super) decider: Option<Expr<'g>>,
+}
+
+impl<'g> FieldValue<'g> {
+    /// A distance and membership alone.
+    pub(super) fn plain(d: Expr<'g>, inside: Expr<'g>) -> FieldValue<'g> {
+        FieldValue { d, inside, gradient: None, trap: None, decider: None }
+    }
+
+    /// The first field where the condition holds, with another distance and membership.
+    fn pick(self, other: Self, first: Expr<'g>, d: Expr<'g>, inside: Expr<'g>) -> Self {
+        let pick = |a: Option<Expr<'g>>, b: Option<Expr<'g>>| a.zip(b).map(|(a, b)| first.select(a, b));
+        FieldValue {
+            d,
+            inside,
+            gradient: pick(self.gradient, other.gradient),
+            trap: pick(self.trap, other.trap),
+            decider: pick(self.decider, other.decider),
+        }
+    }
+
+    /// The union of both.
+    pub(super) fn nearer(self, other: Self) -> Self {
+        self.pick(other, self.d.le(other.d), self.d.min(other.d), self.inside.or(other.inside))
+    }
+
+    /// What both share.
+    pub(super) fn farther(self, other: Self) -> Self {
+        self.pick(other, other.d.le(self.d), self.d.max(other.d), self.inside.and(other.inside))
+    }
+
+    /// What the field leaves of all.
+    pub(super) fn turned(self) -> Self {
+        FieldValue { d: -self.d, inside: !self.inside, gradient: self.gradient.map(|g| -g), ..self }
+    }
+
+    /// The union with a rounded seam, by the polynomial smooth minimum: at most a quarter of the radius below the smaller
+    /// one, with slope 1 (Quilez).
+    pub(super) fn smooth(self, other: Self, radius: f64) -> Self {
+        let zero = self.d.lift(0.0);
+        let overlap = (self.d.lift(radius) - (self.d - other.d).abs()).max(zero) * (1.0 / radius);
+        let d = self.d.min(other.d) - overlap * overlap * (radius * 0.25);
+        let inside = self.inside.or(other.inside).or(d.le(zero));
+        let share = overlap * 0.5;
+        let near = self.d.le(other.d);
+        let blend = |a: Expr<'g>, b: Expr<'g>| near.select(a.mix(b, share), b.mix(a, share));
+        let gradient = self.gradient.zip(other.gradient).map(|(a, b)| blend(a, b));
+        FieldValue { gradient, ..self.pick(other, near, d, inside) }
+    }
+}
