@@ -59,11 +59,11 @@ pub fn key(subject: &Subject, options: &Options) -> Result<String, Diagnostic> {
     let Options { budget, wanted, camera, size, primary_rays: _, target, time: _, seed, cache: _ } = options;
     let _ =
         write!(text, "{budget:?} {wanted:?} {camera:?} {size:?} {target:?} {seed} {}", subject.plan.bounding_radius);
-    Ok(format!("{:032x}.json", fnv(text.as_bytes())))
+    Ok(format!("{:032x}.json", hash(text.as_bytes())))
 }
 
 /// The 128-bit hash FNV-1a (Fowler, Noll and Vo).
-fn fnv(bytes: &[u8]) -> u128 {
+pub fn hash(bytes: &[u8]) -> u128 {
     const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
     const START: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
     bytes.iter().fold(START, |hash, byte| (hash ^ u128::from(*byte)).wrapping_mul(PRIME))

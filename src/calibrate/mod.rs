@@ -20,6 +20,7 @@ mod blame;
 pub mod cache;
 mod candidate;
 mod race;
+pub mod written;
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};

@@ -33,5 +33,5 @@ pub use backends::{Backends, Target};
 pub use formula::{Formula, FormulaError};
 pub use random::Random;
 pub use report::{Outcome, Report, Verdict};
-pub use runner::{Options, agreement, run_graph, run_paths, run_paths_with};
+pub use runner::{Options, agreement, check_calibration, run_graph, run_paths, run_paths_with};
 pub use subject::Subject;

@@ -284,8 +284,9 @@ fn has_calibrated_estimate(graph: &ValidGraph) -> bool {
     graph.nodes.iter().any(|node| calibrated(&node.kind))
 }
 
-/// Marches the file's view as the file says and compares with the truth.
-fn check_calibration(subject: &Subject) -> Result<(), String> {
+/// Marches the view of a file that carries a calibrated estimate as the file says, and compares with the truth: what
+/// `bulbfold test` asks of such a file. `Err` says what is out of the budget.
+pub fn check_calibration(subject: &Subject) -> Result<(), String> {
     let settings = RenderSettings {
         size: CALIBRATED_SIZE,
         min_difference: Target::CpuF64.min_difference(),

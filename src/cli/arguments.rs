@@ -252,6 +252,12 @@ pub struct FormulaArgs {
 }
 
 impl FormulaArgs {
+    /// A formula as it stands.
+    #[cfg(feature = "chart")]
+    pub fn unchanged(file: &str) -> FormulaArgs {
+        FormulaArgs { file: file.to_string(), changes: ChangeArgs::default() }
+    }
+
     /// What is changed in the formula.
     pub fn changes(&self) -> Vec<(String, String)> {
         self.changes.changes()
@@ -259,7 +265,7 @@ impl FormulaArgs {
 }
 
 /// Changes to a formula.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Default, Debug)]
 pub struct ChangeArgs {
     /// Take the values of one of the file's presets; `bulbfold explain NAME` lists them
     #[arg(long, value_name = "NAME")]

@@ -7,9 +7,10 @@ use bulbfold::expr::Arena;
 use bulbfold::shade::Size;
 use clap::Args;
 
-use super::arguments::{AutoArgs, FormulaArgs, PrecisionArg, parse_size};
+use super::arguments::{AutoArgs, ChangeArgs, PrecisionArg, parse_positive, parse_size};
+use super::calibrate_write;
 use super::calibration::{Wish, choose_estimate, json, pasted, table};
-use super::{Outcome, Session};
+use super::{Outcome, Session, usage};
 
 /// Arguments of `calibrate`.
 #[derive(Args, Debug)]
@@ -17,44 +18,72 @@ use super::{Outcome, Session};
 Examples:
   bulbfold calibrate mandelbulb
   bulbfold calibrate my_hybrid.ron --size 1920x1080 --error-budget 0.1%,1%,0.2
+  bulbfold calibrate formulas/fractals/*.ron --write
 
-The last line can be pasted into the formula file: its renders then spend no time on calibration, and
-`bulbfold test` checks that the choice still keeps the budget.")]
+The last line for a formula can be pasted into its file, which --write does: its renders then spend no time on
+calibration, and `bulbfold test` checks that the choice still keeps the budget. --write measures anew what a file
+says is calibrated, keeps all else in the text, and changes a file only where the choice passes that check.")]
 pub struct Arguments {
+    /// Formula files (.ron), graph scripts (.rhai) or names of built-in fractals
+    #[arg(required = true, value_name = "FILE")]
+    pub(super) files: Vec<String>,
     #[command(flatten)]
-    formula: FormulaArgs,
+    changes: ChangeArgs,
+    /// Write the choice into the formula files, and print a line for each
+    #[arg(long, conflicts_with_all = ["json", "set", "preset"])]
+    write: bool,
+    /// Seconds that measuring a formula may take with --write; 500 hits are enough, and take a second or two
+    #[arg(long, value_name = "SECONDS", default_value = "30", value_parser = parse_positive, requires = "write")]
+    pub(super) time: f64,
     /// Size of the picture, which says how fine a pixel is
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
-    size: Size,
+    pub(super) size: Size,
     /// Precision that candidates march in
     #[arg(long, value_enum, default_value_t = PrecisionArg::F32)]
     precision: PrecisionArg,
     #[command(flatten)]
-    estimate: AutoArgs,
-    /// Print one JSON object instead of a table
+    pub(super) estimate: AutoArgs,
+    /// Print one JSON object for each formula, a line each, instead of tables
     #[arg(long)]
     json: bool,
 }
 
+impl Arguments {
+    /// What a calibration is to know of the command.
+    pub(super) fn wish(&self) -> Wish<'_> {
+        Wish {
+            estimate: &self.estimate,
+            size: self.size,
+            camera: None,
+            precision: self.precision,
+            primary_rays: 0,
+            quiet: false,
+        }
+    }
+}
+
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
-    let wish = Wish {
-        estimate: &arguments.estimate,
-        size: arguments.size,
-        camera: None,
-        precision: arguments.precision,
-        primary_rays: 0,
-        quiet: false,
-    };
-    let calibration = choose_estimate(session, &graph, &Rc::new(Arena::default()), &wish)?;
-    if arguments.json {
-        writeln!(out, "{}", json(&calibration))?;
-        return Ok(());
+    if arguments.write {
+        if !arguments.estimate.calibrate.0 {
+            return Err(usage("with `--calibrate off` there is nothing to write", "drop one of them"));
+        }
+        return calibrate_write::run(arguments, session, out);
     }
-    write!(out, "{}", table(&calibration))?;
-    if let Some(field) = pasted(&calibration) {
-        writeln!(out, "{field}")?;
+    for (i, file) in arguments.files.iter().enumerate() {
+        let graph = session.load(file, &arguments.changes.changes())?.graph;
+        let calibration = choose_estimate(session, &graph, &Rc::new(Arena::default()), &arguments.wish())?;
+        if arguments.json {
+            writeln!(out, "{}", json(&calibration))?;
+            continue;
+        }
+        if arguments.files.len() > 1 {
+            writeln!(out, "{}{file}", if i > 0 { "\n" } else { "" })?;
+        }
+        write!(out, "{}", table(&calibration))?;
+        if let Some(field) = pasted(&calibration) {
+            writeln!(out, "{field}")?;
+        }
     }
     Ok(())
 }

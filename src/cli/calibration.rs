@@ -47,22 +47,27 @@ pub fn choose_estimate(
     if !wish.estimate.calibrate.0 {
         return Ok(Calibration::by_rule(&subject));
     }
-    let options = Options {
-        budget: wish.estimate.error_budget,
-        wanted,
-        camera: wish.camera.unwrap_or_else(|| camera_of(&subject)),
-        size: wish.size,
-        primary_rays: wish.primary_rays,
-        target: if wish.precision == PrecisionArg::F64 { Target::CpuF64 } else { Target::CpuF32 },
-        cache: cache::folder(),
-        ..Options::of_view(&subject)
-    };
+    let options = options(&subject, wish);
     let mut progress = Progress::new(wish.quiet);
     let calibration = calibrate(&subject, &options, &mut |share| progress.update(share));
     progress.finish();
     let calibration = calibration.map_err(failed)?;
     calibration.warnings.iter().for_each(|warning| session.warn(warning));
     Ok(calibration)
+}
+
+/// What a calibration goes by where the user's cache is read and written.
+pub fn options(subject: &Subject, wish: &Wish) -> Options {
+    Options {
+        budget: wish.estimate.error_budget,
+        wanted: wish.estimate.estimate.settings(),
+        camera: wish.camera.unwrap_or_else(|| camera_of(subject)),
+        size: wish.size,
+        primary_rays: wish.primary_rays,
+        target: if wish.precision == PrecisionArg::F64 { Target::CpuF64 } else { Target::CpuF32 },
+        cache: cache::folder(),
+        ..Options::of_view(subject)
+    }
 }
 
 /// The evidence as lines of a table, with a line before it that says where the choice comes from.

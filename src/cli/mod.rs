@@ -9,6 +9,7 @@ mod audit;
 mod backend;
 mod bench;
 mod calibrate;
+mod calibrate_write;
 mod calibration;
 #[cfg(feature = "chart")]
 mod chart;
@@ -18,6 +19,10 @@ mod cost;
 mod docs;
 mod doctor;
 mod explain;
+#[cfg(feature = "chart")]
+mod gallery;
+#[cfg(feature = "chart")]
+mod gallery_page;
 mod list;
 mod new;
 mod page;
@@ -31,6 +36,7 @@ mod stats;
 mod sweep;
 mod test;
 mod truth;
+mod truth_table;
 #[cfg(feature = "chart")]
 mod view;
 
@@ -90,6 +96,9 @@ enum Command {
     New(new::Arguments),
     /// March sampled rays of a view again with proofs, and say where its estimate was wrong.
     Audit(audit::Arguments),
+    /// Render all fractals to an HTML page with search, or to thumbnails.
+    #[cfg(feature = "chart")]
+    Gallery(gallery::Arguments),
     /// Check this machine's back ends against each other.
     Doctor(doctor::Arguments),
     /// Write the reference of steps and operators.
@@ -168,6 +177,8 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::Explain(arguments) => explain::run(arguments, &mut Session::new(folders)?, out),
         Command::New(arguments) => new::run(arguments),
         Command::Audit(arguments) => audit::run(arguments, &mut Session::new(folders)?, out),
+        #[cfg(feature = "chart")]
+        Command::Gallery(arguments) => gallery::run(arguments, &mut Session::new(folders)?, out),
         Command::Doctor(arguments) => doctor::run(arguments, &mut Session::new(folders)?, out),
         Command::Docs(arguments) => docs::run(arguments, &mut Session::new(folders)?, out),
     }

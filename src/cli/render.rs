@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 use bulbfold::calibrate::Calibration;
 use bulbfold::compose::{Composer, choose};
 use bulbfold::expr::Arena;
+#[cfg(feature = "chart")]
+use bulbfold::film::Image;
 use bulbfold::film::PngFile;
 use bulbfold::graph::{Camera, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError};
@@ -104,6 +106,34 @@ impl SamplingArg {
 pub(super) const DEFAULT_SIZE: Size = Size { width: 1280, height: 720 };
 
 impl Arguments {
+    /// What asks for a picture of a formula's own view, with everything else by default and without a word.
+    #[cfg(feature = "chart")]
+    pub(super) fn of_picture(
+        file: &str,
+        size: Size,
+        samples: u32,
+        backend: BackendArg,
+        estimate: AutoArgs,
+    ) -> Arguments {
+        Arguments {
+            formula: FormulaArgs::unchanged(file),
+            output: None,
+            size: Some(size),
+            view: None,
+            samples,
+            sampling: SamplingArg::Adaptive,
+            backend,
+            precision: PicturePrecision::Auto,
+            estimate,
+            camera: CameraArgs::default(),
+            sweep: SweepArgs::default(),
+            stats: false,
+            json: false,
+            threads: None,
+            quiet: true,
+        }
+    }
+
     fn default_size(&self) -> Size {
         #[cfg(feature = "chart")]
         if let Some(view) = self.view {
@@ -156,7 +186,7 @@ impl Arguments {
 }
 
 /// What replaces parts of the file's camera.
-#[derive(Args, Clone, Copy, Debug)]
+#[derive(Args, Clone, Copy, Default, Debug)]
 pub(super) struct CameraArgs {
     /// Position of the camera, in world units
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_vector)]
@@ -361,6 +391,44 @@ pub(super) fn with_view(
         }
     };
     Ok(graph.with_camera(view.apply(base)?))
+}
+
+/// A picture in memory of a formula that has been loaded.
+#[cfg(feature = "chart")]
+pub(super) fn picture(
+    session: &Session,
+    arguments: &Arguments,
+    graph: ValidGraph,
+    progress: &mut (dyn FnMut(f64) + Send),
+) -> Result<Image, Failure> {
+    let asked = arguments.prepare()?;
+    let arena = Rc::new(Arena::default());
+    let Fitted { settings, pipeline, precision, .. } = fit(session, arguments, asked, &arena, graph)?;
+    let mut job = PictureJob { arena: &arena, pipeline: &pipeline, settings: &settings, progress };
+    let (_, image) = run_job(session, arguments.backend, precision, &mut job)?;
+    Ok(image)
+}
+
+#[cfg(feature = "chart")]
+struct PictureJob<'a> {
+    arena: &'a Arena,
+    pipeline: &'a Pipeline,
+    settings: &'a RenderSettings,
+    progress: &'a mut (dyn FnMut(f64) + Send),
+}
+
+#[cfg(feature = "chart")]
+impl Job for PictureJob<'_> {
+    type Output = Image;
+
+    fn run<B: Backend>(&mut self, backend: &B) -> Result<Image, BackendError> {
+        let mut renderer = Renderer::new(backend, self.arena, self.pipeline, self.settings)?;
+        let image = renderer.render(&mut |share| {
+            (self.progress)(share);
+            true
+        })?;
+        Ok(image.unwrap_or_else(|| Image::new(self.settings.size)))
+    }
 }
 
 struct RenderJob<'a> {

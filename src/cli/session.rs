@@ -77,6 +77,30 @@ impl Session {
     }
 }
 
+/// Formula files among `paths`: those of folders (`*.ron`, in order, inner folders included), and all else as it stands.
+pub fn formula_files(paths: &[String]) -> Result<Vec<String>, Failure> {
+    let mut files = Vec::new();
+    for path in paths {
+        let before = files.len();
+        collect(Path::new(path), path, &mut files);
+        if files.len() == before {
+            return Err(usage(format!("the folder {path} holds no formula file (*.ron)"), ""));
+        }
+    }
+    Ok(files)
+}
+
+fn collect(path: &Path, given: &str, files: &mut Vec<String>) {
+    if !path.is_dir() {
+        return files.push(given.to_string());
+    }
+    let mut entries: Vec<_> = std::fs::read_dir(path).into_iter().flatten().flatten().map(|e| e.path()).collect();
+    entries.sort();
+    // A link may lead back up.
+    let wanted = |path: &PathBuf| !path.is_symlink() && (path.is_dir() || path.extension().is_some_and(|e| e == "ron"));
+    entries.iter().filter(|path| wanted(path)).for_each(|entry| collect(entry, &entry.display().to_string(), files));
+}
+
 /// Says something on stderr.
 pub fn talk(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");

@@ -27,7 +27,7 @@ use super::session::{check_output, talk};
 use super::{Failure, Outcome, Session, usage};
 
 /// What makes a picture an animation.
-#[derive(Args, Debug)]
+#[derive(Args, Default, Debug)]
 pub struct SweepArgs {
     /// Move a parameter (NAME or NODE.NAME) from frame to frame, or the view: camera, target, up, fov, or turn (degrees
     /// around the target); vectors are X,Y,Z..X,Y,Z. May be given several times

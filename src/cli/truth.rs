@@ -17,12 +17,13 @@ use bulbfold::shade::{Size, frame_automatically};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PrecisionArg, parse_size};
+use super::arguments::{AutoArgs, BackendArg, ChangeArgs, PrecisionArg, parse_size};
 use super::backend::{Job, Wanted, run_job};
 use super::calibration::{Wish, choose_estimate};
 use super::points::read_rows;
 use super::progress::{Progress, short};
-use super::{Failure, Outcome, Session, usage};
+use super::session::formula_files;
+use super::{Failure, Outcome, Session, truth_table, usage};
 
 /// Version of what `--json` writes.
 const JSON_VERSION: u32 = 1;
@@ -36,30 +37,40 @@ Examples:
   bulbfold truth mandelbulb
   bulbfold truth my_hybrid.ron --rays 1000 --size 640x360 --de scalar --fudge 0.8
   bulbfold truth menger --rays-file rays.csv --json > truth.jsonl
+  bulbfold truth formulas/fractals --rays 2000 --markdown > table.md
 
 Rays are walked in f64 by steps of a quarter of a pixel and less, testing membership alone; then they
 are marched with the estimate, and both answers are compared. A hit counts as missed where the march
-passes it, a stop as early where it is in front of the truth by more than 0.5 % of the bounding radius.")]
+passes it, a stop as early where it is in front of the truth by more than 0.5 % of the bounding radius.
+
+Several formulas, or --markdown, give a table with a line for each; the exit code is 1 where one of them
+breaks the error budget.")]
 pub struct Arguments {
+    /// Formula files (.ron), folders of them, graph scripts (.rhai) or names of built-in fractals
+    #[arg(required = true, value_name = "FILE")]
+    pub(super) files: Vec<String>,
     #[command(flatten)]
-    formula: FormulaArgs,
+    changes: ChangeArgs,
     /// Random rays through the picture
     #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    rays: u32,
+    pub(super) rays: u32,
     /// Rays to take instead, a line `ox,oy,oz,dx,dy,dz` each; directions may have any length
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["rays", "seed"])]
     rays_file: Option<PathBuf>,
     /// Size of the picture, which says how fine a pixel is
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = parse_size)]
-    size: Size,
+    pub(super) size: Size,
     /// Which random rays
     #[arg(long, value_name = "N", default_value_t = 4)]
     seed: u64,
-    /// Write JSON lines, one for each ray and one for the summary
+    /// Write JSON lines, one for each ray and one for the summary; of several formulas the summaries alone
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
+    /// Print the table as Markdown
+    #[arg(long, conflicts_with = "json")]
+    pub(super) markdown: bool,
     #[command(flatten)]
-    estimate: AutoArgs,
+    pub(super) estimate: AutoArgs,
     /// Precision of the march that is compared [default: f64]
     #[arg(long, value_enum)]
     precision: Option<PrecisionArg>,
@@ -70,10 +81,23 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
+    let files = formula_files(&arguments.files)?;
+    if files.len() > 1 || arguments.markdown {
+        return truth_table::run(arguments, &files, session, out);
+    }
+    let measured = measure(arguments, session, &files[0])?;
+    match arguments.json {
+        true => measured.json(out),
+        false => measured.text(out),
+    }
+}
+
+/// Walks and marches the rays of one formula.
+pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &str) -> Result<Measured, Failure> {
     let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
     let precision = wanted.precision(PrecisionArg::F64)?;
     let given = arguments.rays_file.as_ref().map(|path| read_rays(path)).transpose()?;
-    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
+    let graph = session.load(file, &arguments.changes.changes())?.graph;
     let arena = Rc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     let wish = Wish {
@@ -104,11 +128,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let march = candidate(&composer, &plan.choices, &settings).map_err(|error| session.failure(error))?;
     let mut job = MarchJob { arena: &arena, march: &march, rays: &truths.rays, radius: scale.bounding_radius };
     let (backend, ends) = run_job(session, arguments.backend, precision, &mut job)?;
-    let told = Told { graph: &graph, plan: &plan, truths: &truths, ends: &ends, backend: &backend, time };
-    match arguments.json {
-        true => told.json(out),
-        false => told.text(out),
-    }
+    Ok(Measured { graph, plan, truths, ends, backend, time })
 }
 
 fn read_rays(path: &std::path::Path) -> Result<Vec<Ray>, Failure> {
@@ -150,18 +170,30 @@ struct ExactAnswer {
 }
 
 /// Everything that is found.
-struct Told<'a> {
-    graph: &'a ValidGraph,
-    plan: &'a Plan,
-    truths: &'a Truths,
-    ends: &'a [End],
-    backend: &'a str,
+pub(super) struct Measured {
+    /// The formula.
+    pub(super) graph: ValidGraph,
+    /// The estimate that marched.
+    pub(super) plan: Plan,
+    truths: Truths,
+    ends: Vec<End>,
+    backend: String,
     time: Duration,
 }
 
-impl Told<'_> {
+impl Measured {
+    /// How the march compares with the truth.
+    pub(super) fn judged(&self) -> Judgement {
+        self.truths.judge(&self.ends)
+    }
+
+    /// Rays that were walked.
+    pub(super) fn rays(&self) -> usize {
+        self.truths.rays.len()
+    }
+
     fn exact(&self) -> Option<ExactAnswer> {
-        let limit = Limit::of(self.graph)?;
+        let limit = Limit::of(&self.graph)?;
         let mut answer = ExactAnswer { name: limit.name().to_string(), hits: 0, passed: 0, thickness: 0.0 };
         for (ray, truth) in self.truths.rays.iter().zip(&self.truths.depths) {
             if let Truth::Hit(t) = truth {
@@ -181,7 +213,8 @@ impl Told<'_> {
         Some(answer)
     }
 
-    fn method(&self) -> String {
+    /// Method and form of each orbit.
+    pub(super) fn method(&self) -> String {
         let of = |c: &bulbfold::compose::Choice| format!("{} {}", c.method.name(), c.form.name());
         let mut names: Vec<String> = self.plan.choices.iter().map(of).collect();
         names.dedup();
@@ -190,7 +223,7 @@ impl Told<'_> {
 
     fn text(&self, out: &mut dyn Write) -> Outcome {
         let [hits, misses, ambiguous] = self.truths.counts();
-        let judged = self.truths.judge(self.ends);
+        let judged = self.judged();
         writeln!(out, "truth of {} rays by brute force in f64, in {}", self.truths.rays.len(), short(self.time))?;
         writeln!(out, "  hits       {hits:6}   of them {} thinner than half a pixel", self.truths.thin())?;
         writeln!(out, "  misses     {misses:6}")?;
@@ -205,8 +238,8 @@ impl Told<'_> {
     }
 
     fn json(&self, out: &mut dyn Write) -> Outcome {
-        let truths = self.truths;
-        for (i, ((ray, truth), end)) in truths.rays.iter().zip(&truths.depths).zip(self.ends).enumerate() {
+        let truths = &self.truths;
+        for (i, ((ray, truth), end)) in truths.rays.iter().zip(&truths.depths).zip(&self.ends).enumerate() {
             let kind = match truth {
                 Truth::Hit(_) => "hit",
                 Truth::Miss => "miss",
@@ -219,12 +252,18 @@ impl Told<'_> {
             });
             writeln!(out, "{line}")?;
         }
-        let j = truths.judge(self.ends);
+        self.summary(out)
+    }
+
+    /// The summary as a line of JSON.
+    pub(super) fn summary(&self, out: &mut dyn Write) -> Outcome {
+        let (truths, j) = (&self.truths, self.judged());
         let exact = self.exact().map_or(
             Value::Null,
             |e| json!({ "set": e.name, "hits": e.hits, "passed": e.passed, "largest_distance": e.thickness }),
         );
         let line = json!({ "summary": {
+            "fractal": self.graph.name,
             "version": JSON_VERSION, "rays": truths.rays.len(), "hits": j.hits, "misses": j.misses,
             "ambiguous": j.ambiguous, "thin": j.thin, "seconds": self.time.as_secs_f64(), "exact": exact,
             "method": self.method(), "fudge": self.plan.fudge, "backend": self.backend, "missed": j.missed,

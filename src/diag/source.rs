@@ -30,6 +30,11 @@ impl Span {
         Self { source, start: offset(start), end: offset(end.max(start)) }
     }
 
+    /// The bytes in their text.
+    pub fn range(self) -> std::ops::Range<usize> {
+        self.start as usize..self.end as usize
+    }
+
     /// Whether this is [`Span::NONE`].
     pub fn is_none(self) -> bool {
         self.source == Self::NONE.source

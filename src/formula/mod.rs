@@ -5,6 +5,7 @@
 //! [`symbolic`] values and leaves expressions; nothing of it runs for a point of the picture.
 
 pub mod decode;
+pub mod edit;
 pub mod embedded;
 pub mod library;
 pub mod ron;
