@@ -10,8 +10,15 @@ use bulbfold::graph::Method;
 use bulbfold::load::load_text;
 
 /// Pages that people write.
-const PAGES: &[&str] =
-    &["README.md", "CHANGELOG.md", "docs/formulas.md", "docs/views.md", "docs/precision.md", "docs/performance.md"];
+const PAGES: &[&str] = &[
+    "README.md",
+    "CHANGELOG.md",
+    "docs/formulas.md",
+    "docs/gallery.md",
+    "docs/views.md",
+    "docs/precision.md",
+    "docs/performance.md",
+];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))

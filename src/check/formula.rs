@@ -92,6 +92,22 @@ impl Formula {
         }
     }
 
+    /// The formula with its method, step multiplier and shortest step left open, where its file calls them calibrated: what a
+    /// calibration starts from.
+    #[must_use]
+    pub fn without_calibration(mut self) -> Formula {
+        self.graph = self.graph.with_orbit_settings(|settings| {
+            let estimate = &mut settings.estimate;
+            if std::mem::take(&mut estimate.calibrated) {
+                (estimate.method, estimate.fudge, estimate.least_step) = (None, None, None);
+            }
+        });
+        if let Ok(subject) = Subject::new(&self.library, &self.graph, &self.arena) {
+            self.plan = subject.plan;
+        }
+        self
+    }
+
     /// The formula as the rest of this module takes it.
     pub fn subject(&self) -> Subject<'_> {
         Subject { library: &self.library, graph: &self.graph, arena: &self.arena, plan: self.plan.clone() }

@@ -1,0 +1,93 @@
+//! Calibrations written into formula files, and tables of truths.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use bulbfold::check::Formula;
+use bulbfold::graph::NodeKind;
+
+fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
+    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("BULBFOLD_CACHE", "");
+    command.output().expect("it starts")
+}
+
+fn texts(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+const MENGER: &str = "// kept\n(\n    nodes: { \"a\": Sequence([menger_fold(), scale(scale: 3.0, centre: (1, 1, 1))]) },\n    constant: Off, // here too\n    escape_radius: 8.0,\n    max_iterations: 4,\n    bounding_radius: 1.75,\n    camera: (position: (2.2, -3.2, 1.9), target: (0, 0, 0), fov: 40),\n)\n";
+const SCENE: &str = "(nodes: { \"map\": bulb_power(power: 8), \"bulb\": Orbit(of: \"map\", escape_radius: 10.0, max_iterations: 5), \"ball\": Sphere(centre: (2, 0, 0)), \"all\": Union([\"bulb\", \"ball\"]) }, output: \"all\", bounding_radius: 3.2)";
+
+#[test]
+fn the_choice_is_written_and_nothing_else_changes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("sponge.ron"), MENGER).unwrap();
+    std::fs::write(path("scene.ron"), SCENE).unwrap();
+    std::fs::write(path("ball.ron"), "(nodes: { \"ball\": Sphere(radius: 1) })").unwrap();
+    std::fs::write(path("broken.ron"), "(nodes: { \"a\": nothing() })").unwrap();
+    let files = ["sponge.ron", "scene.ron", "ball.ron", "broken.ron"];
+    let arguments =
+        |files: &[&'static str]| [&["calibrate"], files, &["--write", "--size", "320x240", "--time", "60"]].concat();
+    let output = bulbfold(folder.path(), &arguments(&files));
+    assert_eq!(output.status.code(), Some(1), "{}", texts(&output));
+    for text in ["2 of 4 files changed, 1 failed", "no orbit", "unknown step `nothing`"] {
+        assert!(texts(&output).contains(text), "{text}\n{}", texts(&output));
+    }
+    // Without the new line the file is what it was.
+    let sponge = std::fs::read_to_string(path("sponge.ron")).unwrap();
+    let (added, rest): (Vec<&str>, Vec<&str>) = sponge.lines().partition(|line| line.contains("estimate:"));
+    assert_eq!(rest.join("\n") + "\n", MENGER);
+    assert!(added[0].starts_with("    estimate: (method: \"") && added[0].ends_with("calibrated: true),"), "{added:?}");
+    // In a scene the orbit carries it.
+    let scene = Formula::open(path("scene.ron")).unwrap();
+    let orbit = scene.graph().nodes.iter().find_map(|node| match &node.kind {
+        NodeKind::Orbit { settings, .. } => Some(settings.estimate),
+        _ => None,
+    });
+    assert!(orbit.is_some_and(|e| e.calibrated && e.method.is_some() && e.fudge.is_some() && e.least_step.is_some()));
+    for name in ["sponge.ron", "scene.ron"] {
+        Formula::open(path(name)).unwrap().assert_tests();
+    }
+    // What is calibrated is measured anew, with the same outcome.
+    let output = bulbfold(folder.path(), &arguments(&files[..2]));
+    assert!(output.status.success() && texts(&output).contains("0 of 2 files changed"), "{}", texts(&output));
+    assert_eq!(std::fs::read_to_string(path("sponge.ron")).unwrap(), sponge);
+}
+
+#[test]
+fn only_formula_files_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [vec!["calibrate", "menger", "--write"], vec!["calibrate", "a.rhai", "--write"]] {
+        let output = bulbfold(folder.path(), &arguments);
+        assert_eq!(output.status.code(), Some(2), "{}", texts(&output));
+        assert!(texts(&output).contains("is no formula file"), "{}", texts(&output));
+    }
+}
+
+#[test]
+fn tables_of_truths_say_who_breaks_the_budget() {
+    let folder = tempfile::tempdir().unwrap();
+    let quick = ["--rays", "150", "--size", "160x120", "--de", "scalar", "--calibrate", "off", "--markdown"];
+    let table = |files: &[&'static str], fudge: &'static str| {
+        bulbfold(folder.path(), &[&["truth"], files, &quick, &["--fudge", fudge]].concat())
+    };
+    // The sponge's scalar rule is a bound, so nothing is missed.
+    let output = table(&["menger"], "1");
+    assert!(output.status.success(), "{}", texts(&output));
+    let lines: Vec<String> = String::from_utf8_lossy(&output.stdout).lines().map(str::to_string).collect();
+    assert_eq!(lines.len(), 3, "{lines:?}");
+    assert!(lines[0].starts_with("| Fractal | Estimate |") && lines[1].starts_with("|---|"), "{lines:?}");
+    assert!(
+        lines[2].starts_with("| menger | scalar linear | 1 | 150 |") && lines[2].ends_with("| kept |"),
+        "{lines:?}"
+    );
+    // A budget that nothing keeps, and a file that is not there: both are told, and the rest is measured.
+    let arguments = [&["truth", "menger", "nowhere.ron"][..], &quick, &["--error-budget", "0.5%,5%,0.000001"]].concat();
+    let output = bulbfold(folder.path(), &arguments);
+    assert_eq!(output.status.code(), Some(1));
+    for text in ["| broken |", "median depth error", "nowhere.ron"] {
+        assert!(texts(&output).contains(text), "{text}\n{}", texts(&output));
+    }
+}
