@@ -177,8 +177,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
                 // Only sums with other samples need it.
                 if self.samples.len() > 1 {
                     let colours = self.backend.download(&part.colours)?;
-                    for k in 0..3 {
-                        part.each(&colours[k], |i, &value| samples[i].linear[k] = value as f32);
+                    for (k, values) in colours.iter().enumerate() {
+                        part.each(values, |i, &value| samples[i].linear[k] = value as f32);
                     }
                 }
                 Ok(())
@@ -192,7 +192,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let starts = self.starts(pixels, stats)?;
         let mut all = vec![[0; 3]; pixels.len()];
         for part in self.sample(points(pixels, &self.samples[..1]), starts, stats)? {
-            timed(&mut stats.shade, || Ok(part.each(self.encode(&part.colours)?, |i, srgb| all[i] = srgb)))?;
+            let colours = timed(&mut stats.shade, || self.encode(&part.colours))?;
+            part.each(colours, |i, srgb| all[i] = srgb);
         }
         Ok(all)
     }
