@@ -59,7 +59,7 @@ pub struct Renderer<'b, B: Backend> {
 /// The first sample of a pixel.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Sample {
-    /// Its colour, linear; black where there are no samples to add it to.
+    /// Its colour, linear.
     pub linear: [f32; 3],
     /// Its colour in sRGB.
     pub srgb: [u8; 3],
@@ -160,7 +160,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         Ok(columns[0].iter().zip(&columns[1]).map(depth).collect())
     }
 
-    /// Takes the first sample of each pixel.
+    /// Takes the first sample of each pixel, for sums with others.
     pub(super) fn first_samples(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<Sample>, BackendError> {
         let starts = self.starts(pixels, stats)?;
         let mut samples = vec![Sample::default(); pixels.len()];
@@ -174,12 +174,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
                 part.each(part.status.iter().flatten(), |i, &code| {
                     samples[i].hit = Status::from_code(code) == Status::Hit
                 });
-                // Only sums with other samples need it.
-                if self.samples.len() > 1 {
-                    let colours = self.backend.download(&part.colours)?;
-                    for (k, values) in colours.iter().enumerate() {
-                        part.each(values, |i, &value| samples[i].linear[k] = value as f32);
-                    }
+                for (k, values) in self.backend.download(&part.colours)?.iter().enumerate() {
+                    part.each(values, |i, &value| samples[i].linear[k] = value as f32);
                 }
                 Ok(())
             })?;
@@ -187,7 +183,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         Ok(samples)
     }
 
-    /// The colours in sRGB of the first sample of each pixel.
+    /// The colours in sRGB of pixels that have one sample.
     pub(super) fn first_colours(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<[u8; 3]>, BackendError> {
         let starts = self.starts(pixels, stats)?;
         let mut all = vec![[0; 3]; pixels.len()];
