@@ -5,14 +5,15 @@ mod sampled;
 use std::path::Path;
 use std::process::Command;
 use std::rc::Rc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bulbfold::check::Formula;
 use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
 use bulbfold::film::{Image, PngFile};
 use bulbfold::graph::Camera;
-use bulbfold::kernel::Backend;
 use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::{Backend, BackendError, Batch, Kernel};
 use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
 use bulbfold::render::{Cut, RenderSettings, Renderer, Sampling, Stats, compose_pipeline};
 use bulbfold::shade::Size;
@@ -97,19 +98,109 @@ fn no_cut_shows_on_the_cpu() {
     no_cut_shows(&Cpu::new(Precision::F64), MIN_DIFFERENCE_F64, &CUTS[..2], 2);
 }
 
+/// The machine's GPU or its software; `None` where there is none and none is required. Never closed: drivers cannot be while
+/// a thread ends.
 #[cfg(feature = "gpu")]
-#[test]
-fn no_cut_shows_on_the_gpu() {
-    use bulbfold::kernel::BackendError;
+fn gpu() -> Option<&'static bulbfold::kernel::gpu::Gpu> {
     use bulbfold::kernel::gpu::{AdapterWanted, Gpu};
     match Gpu::new(AdapterWanted::Any) {
-        // Never closed: drivers cannot be while a thread ends.
-        Ok(gpu) => no_cut_shows(Box::leak(Box::new(gpu)) as &Gpu, MIN_DIFFERENCE_F32, &CUTS[..2], 2),
+        Ok(gpu) => Some(Box::leak(Box::new(gpu))),
         Err(BackendError::NoAdapter(text)) if std::env::var("BULBFOLD_REQUIRE_GPU").as_deref() != Ok("1") => {
             eprintln!("skipped: {text}");
+            None
         }
         Err(error) => panic!("{error}"),
     }
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn no_cut_shows_on_the_gpu() {
+    if let Some(gpu) = gpu() {
+        no_cut_shows(gpu, MIN_DIFFERENCE_F32, &CUTS[..2], 2);
+    }
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn what_is_empty_is_not_marched_on_the_gpu() {
+    if let Some(gpu) = gpu() {
+        // Each kernel may be contracted in its own way.
+        what_is_empty_is_not_marched(gpu, MIN_DIFFERENCE_F32, 1);
+    }
+}
+
+/// A back end that counts the elements of its marches.
+struct Counting<'b, B> {
+    inner: &'b B,
+    marched: AtomicUsize,
+}
+
+impl<B: Backend> Backend for Counting<'_, B> {
+    type Prepared = (bool, B::Prepared);
+    type Columns = (usize, B::Columns);
+
+    fn batch(&self) -> Batch {
+        self.inner.batch()
+    }
+
+    fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<Self::Prepared, BackendError> {
+        Ok((matches!(kernel, Kernel::March(_)), self.inner.prepare(arena, kernel)?))
+    }
+
+    fn bind(&self, kernel: &Self::Prepared, uniforms: &[f64]) -> Result<Self::Prepared, BackendError> {
+        Ok((kernel.0, self.inner.bind(&kernel.1, uniforms)?))
+    }
+
+    fn upload(&self, columns: &[Vec<f64>]) -> Result<Self::Columns, BackendError> {
+        Ok((columns[0].len(), self.inner.upload(columns)?))
+    }
+
+    fn download(&self, columns: &Self::Columns) -> Result<Vec<Vec<f64>>, BackendError> {
+        self.inner.download(&columns.1)
+    }
+
+    fn run(&self, kernel: &Self::Prepared, inputs: &[&Self::Columns]) -> Result<Self::Columns, BackendError> {
+        if kernel.0 {
+            self.marched.fetch_add(inputs[0].0, Ordering::Relaxed);
+        }
+        let columns: Vec<&B::Columns> = inputs.iter().map(|columns| &columns.1).collect();
+        Ok((inputs[0].0, self.inner.run(&kernel.1, &columns)?))
+    }
+}
+
+/// A ball of radius 1 from 5 away covers half of a square view of 0.5 radians: a disc of 38.4 of 96 pixels. Beams leave most of
+/// the other half out, and what is seen there is what marches of its rays would have led to.
+fn what_is_empty_is_not_marched(backend: &impl Backend, min_difference: f64, most: u8) {
+    // Without marches to the sun.
+    let unlit = BALL.replace("output:", "look: (shadows: false), output:");
+    let ball = Formula::from_ron(&unlit).unwrap_or_else(|error| panic!("{error}"));
+    for samples in [1, 2] {
+        let size = Size { width: 96, height: 96 };
+        let settings = RenderSettings { size, min_difference, ..settings(samples, Sampling::Full) };
+        let plain = RenderSettings { plain: true, ..settings.clone() };
+        let (expected, without) = picture(backend, &ball, Some(CAMERA), &plain, None);
+        let counting = Counting { inner: backend, marched: AtomicUsize::new(0) };
+        let (image, stats) = picture(&counting, &ball, Some(CAMERA), &settings, None);
+        assert_eq!(stats.rays, u64::from(96 * 96 * samples * samples));
+        assert_eq!(stats.rays, without.rays);
+        let marched = counting.marched.into_inner() as u64 - stats.beams;
+        assert!(stats.hits <= marched && marched < stats.rays * 7 / 10, "{marched} of {} rays", stats.rays);
+        let is_outside = |i: &usize| (*i as f64 % 96.0 - 47.5).hypot((i / 96) as f64 - 47.5) > 40.0;
+        for i in (0..96 * 96).filter(is_outside) {
+            let [expected, found] = [&expected, &image].map(|image| &image.rgb[3 * i..3 * i + 3]);
+            assert!(
+                expected.iter().zip(found).all(|(a, b)| a.abs_diff(*b) <= most),
+                "pixel {i}: {expected:?}, {found:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_empty_is_not_marched_on_the_cpu() {
+    what_is_empty_is_not_marched(&Cpu::new(Precision::F32), MIN_DIFFERENCE_F32, 0);
+    what_is_empty_is_not_marched(&Cpu::new(Precision::F64), MIN_DIFFERENCE_F64, 0);
 }
 
 #[test]

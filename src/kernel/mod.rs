@@ -255,6 +255,11 @@ pub trait Backend: Sync {
     fn upload(&self, columns: &[Vec<f64>]) -> Result<Self::Columns, BackendError>;
     /// Copies columns out.
     fn download(&self, columns: &Self::Columns) -> Result<Vec<Vec<f64>>, BackendError>;
+    /// Copies some of the columns out, by number, in this order.
+    fn download_only(&self, columns: &Self::Columns, numbers: &[usize]) -> Result<Vec<Vec<f64>>, BackendError> {
+        let mut all = self.download(columns)?;
+        Ok(numbers.iter().map(|&number| std::mem::take(&mut all[number])).collect())
+    }
     /// Runs a kernel on the columns of all inputs, in order.
     fn run(&self, kernel: &Self::Prepared, inputs: &[&Self::Columns]) -> Result<Self::Columns, BackendError>;
 }

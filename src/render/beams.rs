@@ -4,12 +4,11 @@
 //! estimated to be empty up to ([`NOTHING`] where they all leave the bounding sphere). Tiles of [`EDGES`] go from large to small: a
 //! beam starts where the one around it ended. The smallest hold as many rays as pay for their beam.
 
-use std::collections::HashMap;
-
 use super::RenderSettings;
+use super::stats::column;
 use crate::compose::{ComposeResult, Composer, Plan, Purpose, compose_estimator};
 use crate::graph::Camera;
-use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::{MarchSettings, beam_plan, compose_beam_march};
 use crate::shade::{self, pixel_radius};
 
@@ -28,8 +27,10 @@ pub struct BeamKernels {
     pub camera: Kernel,
     /// Beams to their ends.
     pub march: Kernel,
-    /// Rays and starts to rays.
+    /// Pixel coordinates and starts to rays.
     pub begin: Kernel,
+    /// Pixel coordinates to the linear colours of pixels where nothing is.
+    pub background: Kernel,
     /// The tiles that beams are for.
     pub tiles: BeamTiles,
 }
@@ -58,7 +59,8 @@ impl BeamKernels {
         Ok(Some(BeamKernels {
             camera: Kernel::Map(shade::compose_beam(arena, camera, settings.size, plan.bounding_radius)),
             march: Kernel::March(compose_beam_march(arena, estimator, march)),
-            begin: Kernel::Map(shade::compose_begin(arena)),
+            begin: Kernel::Map(shade::compose_begin(arena, camera, settings.size, plan.bounding_radius)),
+            background: Kernel::Map(shade::compose_background(arena, &composer.graph.look, camera, settings.size)),
             tiles: BeamTiles {
                 pixel_radius: pixel_radius(camera, settings.size),
                 edges: EDGES.into_iter().filter(|edge| edge * settings.samples.max(1) >= ENOUGH).collect(),
@@ -67,8 +69,9 @@ impl BeamKernels {
     }
 
     /// The kernels with names.
-    pub fn named(&self) -> [(&'static str, &Kernel); 3] {
-        [("beam", &self.camera), ("beam_march", &self.march), ("begin", &self.begin)]
+    pub fn named(&self) -> [(&'static str, &Kernel); 4] {
+        let [camera, march, begin] = [("beam", &self.camera), ("beam_march", &self.march), ("begin", &self.begin)];
+        [camera, march, begin, ("background", &self.background)]
     }
 }
 
@@ -76,7 +79,8 @@ impl BeamKernels {
 pub struct Beams<B: Backend> {
     camera: B::Prepared,
     march: B::Prepared,
-    begin: B::Prepared,
+    /// The colour of pixels where nothing is.
+    pub background: B::Prepared,
     tiles: BeamTiles,
 }
 
@@ -93,25 +97,28 @@ pub struct Starts {
 /// Places in the picture and their lists' numbers: tiles, each once, and which of them each item is in.
 struct Tiles {
     corners: Vec<(u32, u32)>,
-    of: Vec<usize>,
+    of: Vec<u32>,
 }
 
 impl Tiles {
     fn around(items: &[(u32, u32)], edge: u32) -> Tiles {
-        let mut numbers = HashMap::new();
+        // A grid over the part of the picture that has items holds one more than each tile's number.
+        let ends = |of: fn(&(u32, u32)) -> u32| {
+            let all = items.iter().map(of);
+            (all.clone().min().unwrap_or(0) / edge, all.max().unwrap_or(0) / edge)
+        };
+        let ((left, right), (top, bottom)) = (ends(|item| item.0), ends(|item| item.1));
+        let width = (right - left + 1) as usize;
+        let mut numbers = vec![0_u32; width * (bottom - top + 1) as usize];
         let mut corners = Vec::new();
-        let mut last = ((u32::MAX, 0), 0);
         let mut number = |(x, y): &(u32, u32)| {
-            let corner = (x - x % edge, y - y % edge);
-            if last.0 != corner {
-                let new = numbers.len();
-                let number = *numbers.entry(corner).or_insert(new);
-                if number == new {
-                    corners.push(corner);
-                }
-                last = (corner, number);
+            let (column, row) = (x / edge, y / edge);
+            let number = &mut numbers[(row - top) as usize * width + (column - left) as usize];
+            if *number == 0 {
+                corners.push((column * edge, row * edge));
+                *number = corners.len() as u32;
             }
-            last.1
+            *number - 1
         };
         let of = items.iter().map(&mut number).collect();
         Tiles { corners, of }
@@ -124,8 +131,8 @@ impl<B: Backend> Beams<B> {
         tiles: &BeamTiles,
         mut needed: impl FnMut(&str) -> Result<B::Prepared, BackendError>,
     ) -> Result<Beams<B>, BackendError> {
-        let (camera, march, begin) = (needed("beam")?, needed("beam_march")?, needed("begin")?);
-        Ok(Beams { camera, march, begin, tiles: tiles.clone() })
+        let (camera, march, background) = (needed("beam")?, needed("beam_march")?, needed("background")?);
+        Ok(Beams { camera, march, background, tiles: tiles.clone() })
     }
 
     /// How far nothing is for all rays through each of the pixels.
@@ -142,7 +149,7 @@ impl<B: Backend> Beams<B> {
         for (edge, tiles) in levels_of.iter().rev() {
             let begin = depths.unwrap_or_else(|| vec![0.0; tiles.corners.len()]);
             let ends = self.march(backend, *edge, &tiles.corners, begin, &mut starts)?;
-            depths = Some(tiles.of.iter().map(|&tile| ends[tile]).collect());
+            depths = Some(tiles.of.iter().map(|&tile| ends[tile as usize]).collect());
         }
         starts.depths = depths.unwrap_or_else(|| vec![0.0; pixels.len()]);
         Ok(starts)
@@ -163,23 +170,16 @@ impl<B: Backend> Beams<B> {
         let spread = f64::from(edge) * self.tiles.pixel_radius * std::f64::consts::SQRT_2 * (1.0 + WIDER);
         let columns = [centre(|c| c.0), centre(|c| c.1), vec![spread; corners.len()], begin];
         let rays = backend.run(&self.camera, &[&backend.upload(&columns)?])?;
-        let out = backend.download(&backend.run(&self.march, &[&rays])?)?;
-        let column = |name: &str| {
-            let at = march_output_ports().iter().position(|port| port.name == name);
-            &out[at.expect("the name is one of the march's ports")]
-        };
+        let ends = backend.run(&self.march, &[&rays])?;
+        let ends = backend.download_only(&ends, &["t", "status", "steps"].map(column))?;
+        let [t, status, steps] = [0, 1, 2].map(|i| &ends[i]);
         counts.beams += corners.len() as u64;
-        counts.estimates += column("steps").iter().sum::<f64>() as u64;
+        counts.estimates += steps.iter().sum::<f64>() as u64;
         let end = |(&status, &w): (&f64, &f64)| match Status::from_code(status) {
             Status::Miss => NOTHING,
             // A hit threshold in front, so that rounding puts no ray behind the end.
             _ => w / spread * (1.0 - self.tiles.pixel_radius),
         };
-        Ok(column("status").iter().zip(column("t")).map(end).collect())
-    }
-
-    /// The rays, each from where nothing is up to.
-    pub fn begin(&self, backend: &B, rays: &B::Columns, starts: &B::Columns) -> Result<B::Columns, BackendError> {
-        backend.run(&self.begin, &[rays, starts])
+        Ok(status.iter().zip(t).map(end).collect())
     }
 }

@@ -17,6 +17,14 @@ enum Halt {
     Failed(BackendError),
 }
 
+/// Puts pixels' colours into a band that is as wide as the picture.
+fn set_pixels(rgb: &mut [u8], band: Tile, pixels: &[(u32, u32)], colours: impl IntoIterator<Item = [u8; 3]>) {
+    for (&(x, y), srgb) in pixels.iter().zip(colours) {
+        let at = ((y - band.y) as usize * band.width as usize + x as usize) * 3;
+        rgb[at..at + 3].copy_from_slice(&srgb);
+    }
+}
+
 impl<B: Backend> Renderer<'_, B> {
     /// Renders the whole picture into memory. `progress` is told the share that is done and returns false to stop.
     pub fn render(&mut self, progress: &mut Progress) -> Result<Option<Image>, BackendError> {
@@ -59,22 +67,43 @@ impl<B: Backend> Renderer<'_, B> {
         let mut seen = Seen::new(width);
         for y in (0..height).step_by(self.cut.band as usize) {
             let band = Tile { x: 0, y, width, height: self.cut.band.min(height - y) };
-            let end = y + band.height;
-            // Whether a pixel of the last row is refined hangs on the row below it.
-            let ahead = if self.samples.len() > 1 { (end + 1).min(height) } else { end };
-            let rows = Tile { x: 0, y: seen.end(), width, height: ahead - seen.end() };
-            self.first_pass(rows, &mut seen, &meter, stats)?;
-            let mut rgb = seen.bytes(y, end);
-            if self.samples.len() > 1 {
-                self.second_pass(band, &seen, &mut rgb, &meter, stats)?;
-            }
-            seen.forget_before(end.saturating_sub(1));
+            let rgb = match self.samples.len() {
+                1 => self.only_pass(band, &meter, stats)?,
+                _ => self.both_passes(band, &mut seen, &meter, stats)?,
+            };
             if !sink(rgb) {
                 return Err(Halt::Stopped);
             }
         }
         meter.finish();
         Ok(())
+    }
+
+    /// The colours of a band's pixels with one sample each.
+    fn only_pass(&self, band: Tile, meter: &Meter, stats: &mut Stats) -> Result<Vec<u8>, Halt> {
+        let tiles = band.cut(self.cut.tile);
+        let results = self.in_parts(&tiles, meter, stats, |tile, part| {
+            let pixels = tile.pixels();
+            let colours = self.first_colours(&pixels, part)?;
+            meter.advance(pixels.len());
+            Ok((pixels, colours))
+        })?;
+        let mut rgb = vec![0; band.width as usize * band.height as usize * 3];
+        results.into_iter().for_each(|(pixels, colours)| set_pixels(&mut rgb, band, &pixels, colours));
+        Ok(rgb)
+    }
+
+    /// The colours of a band's pixels with more samples where they are needed.
+    fn both_passes(&self, band: Tile, seen: &mut Seen, meter: &Meter, stats: &mut Stats) -> Result<Vec<u8>, Halt> {
+        let end = band.y + band.height;
+        // Whether a pixel of the last row is refined hangs on the row below it.
+        let ahead = (end + 1).min(self.size.height);
+        let rows = Tile { x: 0, y: seen.end(), width: band.width, height: ahead - seen.end() };
+        self.first_pass(rows, seen, meter, stats)?;
+        let mut rgb = seen.bytes(band.y, end);
+        self.second_pass(band, seen, &mut rgb, meter, stats)?;
+        seen.forget_before(end - 1);
+        Ok(rgb)
     }
 
     /// Takes the first sample of every pixel of the next rows.
@@ -117,10 +146,7 @@ impl<B: Backend> Renderer<'_, B> {
             meter.advance(pixels.len() * (self.samples.len() - 1));
             Ok(colours)
         })?;
-        for (&(x, y), srgb) in pixels.iter().zip(results.into_iter().flatten()) {
-            let at = ((y - band.y) as usize * band.width as usize + x as usize) * 3;
-            rgb[at..at + 3].copy_from_slice(&srgb);
-        }
+        set_pixels(rgb, band, &pixels, results.into_iter().flatten());
         Ok(())
     }
 

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use super::beams::{Beams, Starts};
-use super::stats::column;
+use super::beams::{Beams, NOTHING, Starts};
+use super::stats::{STATUS, column, counted};
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
 use crate::film::srgb_byte;
 use crate::kernel::{Backend, BackendError, Batch, Status};
@@ -40,6 +40,7 @@ pub struct Renderer<'b, B: Backend> {
     pub(super) samples: Vec<[f64; 2]>,
     pub(super) sampling: Sampling,
     pub(super) parallel: bool,
+    /// Pixel coordinates, and starts where there are beams, to rays.
     camera: B::Prepared,
     beams: Option<Beams<B>>,
     march: B::Prepared,
@@ -58,7 +59,7 @@ pub struct Renderer<'b, B: Backend> {
 /// The first sample of a pixel.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Sample {
-    /// Its colour, linear; black where there are no samples to add it to.
+    /// Its colour, linear.
     pub linear: [f32; 3],
     /// Its colour in sRGB.
     pub srgb: [u8; 3],
@@ -66,6 +67,26 @@ pub(super) struct Sample {
     pub hit: bool,
     /// How far nothing is for any ray through the pixel.
     pub start: f64,
+}
+
+/// Colours of some of the points that were asked for.
+struct Part<C> {
+    /// Which of the points; `None` where it is all of them.
+    numbers: Option<Vec<u32>>,
+    /// Their linear colours.
+    colours: C,
+    /// How their marches ended; `None` where beams found nothing.
+    status: Option<Vec<f64>>,
+}
+
+impl<C> Part<C> {
+    /// Gives each value of these points with the number of its point.
+    fn each<T>(&self, values: impl IntoIterator<Item = T>, mut take: impl FnMut(usize, T)) {
+        match &self.numbers {
+            Some(numbers) => numbers.iter().zip(values).for_each(|(&i, value)| take(i as usize, value)),
+            None => values.into_iter().enumerate().for_each(|(i, value)| take(i, value)),
+        }
+    }
 }
 
 /// Adds the time of some work.
@@ -112,7 +133,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
             samples: sample_offsets(settings.samples.max(1)),
             sampling: settings.sampling,
             parallel: batch.parallel,
-            camera: needed("camera")?,
+            camera: needed(if shape.tiles.is_some() { "begin" } else { "camera" })?,
             beams: shape.tiles.as_ref().map(|tiles| Beams::new(tiles, &mut needed)).transpose()?,
             march: needed("march")?,
             surface_point: needed("surface_point")?,
@@ -132,31 +153,45 @@ impl<'b, B: Backend> Renderer<'b, B> {
     /// Marches the centres of pixels and gives, for each, its depth `t` where it hits.
     pub fn depths(&mut self, pixels: &[(u32, u32)]) -> Result<Vec<Option<f64>>, BackendError> {
         let starts = self.starts(pixels, &mut Stats::default())?;
-        let rays = self.rays(&points(pixels, &[[0.5; 2]]), &starts)?;
+        let rays = self.rays(points(pixels, &[[0.5; 2]]), starts)?;
         let hits = self.backend.run(&self.march, &[&rays])?;
-        let columns = self.backend.download(&hits)?;
-        let status = column("status");
-        Ok((0..pixels.len())
-            .map(|i| (Status::from_code(columns[status][i]) == Status::Hit).then(|| columns[0][i]))
-            .collect())
+        let columns = self.backend.download_only(&hits, &["t", "status"].map(column))?;
+        let depth = |(&t, &status): (&f64, &f64)| (Status::from_code(status) == Status::Hit).then_some(t);
+        Ok(columns[0].iter().zip(&columns[1]).map(depth).collect())
     }
 
-    /// Takes the first sample of each pixel.
+    /// Takes the first sample of each pixel, for sums with others.
     pub(super) fn first_samples(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<Sample>, BackendError> {
         let starts = self.starts(pixels, stats)?;
-        let (colours, hits) = self.sample(&points(pixels, &self.samples[..1]), &starts, stats)?;
-        timed(&mut stats.shade, || {
-            let srgb = self.encode(&colours)?;
-            // Only sums with other samples need it.
-            let linear = (self.samples.len() > 1).then(|| self.backend.download(&colours)).transpose()?;
-            let status = &hits[column("status")];
-            let sample = |(i, srgb)| {
-                let hit = Status::from_code(status[i]) == Status::Hit;
-                let linear = linear.as_ref().map_or([0.0; 3], |c| [c[0][i] as f32, c[1][i] as f32, c[2][i] as f32]);
-                Sample { linear, srgb, hit, start: starts.get(i).copied().unwrap_or(0.0) }
-            };
-            Ok(srgb.into_iter().enumerate().map(sample).collect())
-        })
+        let mut samples = vec![Sample::default(); pixels.len()];
+        if self.beams.is_some() {
+            samples.iter_mut().zip(&starts).for_each(|(sample, &start)| sample.start = start);
+        }
+        for part in self.sample(points(pixels, &self.samples[..1]), starts, stats)? {
+            timed(&mut stats.shade, || {
+                let srgb = self.encode(&part.colours)?;
+                part.each(srgb, |i, srgb| samples[i].srgb = srgb);
+                part.each(part.status.iter().flatten(), |i, &code| {
+                    samples[i].hit = Status::from_code(code) == Status::Hit
+                });
+                for (k, values) in self.backend.download(&part.colours)?.iter().enumerate() {
+                    part.each(values, |i, &value| samples[i].linear[k] = value as f32);
+                }
+                Ok(())
+            })?;
+        }
+        Ok(samples)
+    }
+
+    /// The colours in sRGB of pixels that have one sample.
+    pub(super) fn first_colours(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<[u8; 3]>, BackendError> {
+        let starts = self.starts(pixels, stats)?;
+        let mut all = vec![[0; 3]; pixels.len()];
+        for part in self.sample(points(pixels, &self.samples[..1]), starts, stats)? {
+            let colours = timed(&mut stats.shade, || self.encode(&part.colours))?;
+            part.each(colours, |i, srgb| all[i] = srgb);
+        }
+        Ok(all)
     }
 
     /// Takes all but the first sample of each pixel and gives the average of all in sRGB.
@@ -169,10 +204,16 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let others = &self.samples[1..];
         let starts = firsts.iter().filter(|_| self.beams.is_some());
         let starts: Vec<f64> = starts.flat_map(|first| std::iter::repeat_n(first.start, others.len())).collect();
-        let (colours, _) = self.sample(&points(pixels, others), &starts, stats)?;
+        let points = points(pixels, others);
+        let mut colours = vec![vec![0.0; points[0].len()]; 3];
+        for part in self.sample(points, starts, stats)? {
+            let found = timed(&mut stats.shade, || self.backend.download(&part.colours))?;
+            for (all, found) in colours.iter_mut().zip(&found) {
+                part.each(found, |i, &value| all[i] = value);
+            }
+        }
         stats.refined += pixels.len() as u64;
         timed(&mut stats.shade, || {
-            let colours = self.backend.download(&colours)?;
             let scale = 1.0 / self.samples.len() as f64;
             let average = |k: usize| {
                 let sums = colours[k].chunks_exact(others.len()).map(|samples| samples.iter().sum::<f64>());
@@ -194,43 +235,70 @@ impl<'b, B: Backend> Renderer<'b, B> {
     }
 
     /// Rays through points of the picture (columns of x and y), from `starts` on where there are beams.
-    fn rays(&self, points: &[Vec<f64>; 2], starts: &[f64]) -> Result<B::Columns, BackendError> {
-        let rays = self.backend.run(&self.camera, &[&self.backend.upload(points)?])?;
-        match &self.beams {
-            Some(beams) => beams.begin(self.backend, &rays, &self.backend.upload(&[starts.to_vec()])?),
-            None => Ok(rays),
-        }
+    fn rays(&self, [x, y]: [Vec<f64>; 2], starts: Vec<f64>) -> Result<B::Columns, BackendError> {
+        let columns = if self.beams.is_some() { vec![x, y, starts] } else { vec![x, y] };
+        self.backend.run(&self.camera, &[&self.backend.upload(&columns)?])
     }
 
-    /// Linear colours at points of the picture, and the marches that led to them.
+    /// Linear colours at points of the picture: of those where beams found nothing, and of the others.
     fn sample(
         &self,
-        points: &[Vec<f64>; 2],
-        starts: &[f64],
+        points: [Vec<f64>; 2],
+        starts: Vec<f64>,
         stats: &mut Stats,
-    ) -> Result<(B::Columns, Vec<Vec<f64>>), BackendError> {
+    ) -> Result<Vec<Part<B::Columns>>, BackendError> {
+        let Some(beams) = &self.beams else { return Ok(vec![self.marched(points, starts, None, stats)?]) };
+        let numbers = 0..starts.len() as u32;
+        let (empty, others): (Vec<u32>, Vec<u32>) = numbers.partition(|&i| starts[i as usize] >= NOTHING);
+        if empty.is_empty() {
+            return Ok(vec![self.marched(points, starts, None, stats)?]);
+        }
+        let pick = |column: &[f64], numbers: &[u32]| numbers.iter().map(|&i| column[i as usize]).collect::<Vec<f64>>();
+        let at = |numbers: &[u32]| [pick(&points[0], numbers), pick(&points[1], numbers)];
+        let mut parts = Vec::new();
+        stats.rays += empty.len() as u64;
+        timed(&mut stats.shade, || {
+            let colours = self.backend.run(&beams.background, &[&self.backend.upload(&at(&empty))?])?;
+            parts.push(Part { numbers: Some(empty), colours, status: None });
+            Ok(())
+        })?;
+        if !others.is_empty() {
+            parts.push(self.marched(at(&others), pick(&starts, &others), Some(others), stats)?);
+        }
+        Ok(parts)
+    }
+
+    /// Linear colours at points of the picture by marches.
+    fn marched(
+        &self,
+        points: [Vec<f64>; 2],
+        starts: Vec<f64>,
+        numbers: Option<Vec<u32>>,
+        stats: &mut Stats,
+    ) -> Result<Part<B::Columns>, BackendError> {
         let backend = self.backend;
         let rays = timed(&mut stats.shade, || self.rays(points, starts))?;
         let hits = timed(&mut stats.march, || backend.run(&self.march, &[&rays]))?;
-        let (surface, marched) = timed(&mut stats.shade, || {
+        let (surface, mut marched) = timed(&mut stats.shade, || {
             let points = backend.run(&self.surface_point, &[&rays, &hits])?;
-            Ok((backend.run(&self.surface, &[&points])?, backend.download(&hits)?))
+            Ok((backend.run(&self.surface, &[&points])?, backend.download_only(&hits, &counted())?))
         })?;
         stats.count(&marched);
+        let status = Some(marched.swap_remove(STATUS));
         let Some([shadow_ray, shadow_march]) = &self.shadow else {
             let colours = timed(&mut stats.shade, || backend.run(&self.colour, &[&rays, &hits, &surface]))?;
-            return Ok((colours, marched));
+            return Ok(Part { numbers, colours, status });
         };
         let shadow_rays = timed(&mut stats.shade, || backend.run(shadow_ray, &[&rays, &hits, &surface]))?;
         let (shadows, ends) = timed(&mut stats.shadow, || {
             let shadows = backend.run(shadow_march, &[&shadow_rays])?;
-            let ends = backend.download(&shadows)?;
+            let ends = backend.download_only(&shadows, &[column("steps")])?;
             Ok((shadows, ends))
         })?;
-        stats.shadow_estimates += ends[column("steps")].iter().sum::<f64>() as u64;
+        stats.shadow_estimates += ends[0].iter().sum::<f64>() as u64;
         let inputs = [&rays, &hits, &surface, &shadows];
         let colours = timed(&mut stats.shade, || backend.run(&self.colour, &inputs))?;
-        Ok((colours, marched))
+        Ok(Part { numbers, colours, status })
     }
 
     /// Linear colours as bytes of sRGB; NaN is black.

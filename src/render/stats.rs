@@ -69,10 +69,9 @@ impl Stats {
         self.shade += part.shade;
     }
 
-    /// Counts the marches of primary rays; `hits` are columns of [`march_output_ports`].
+    /// Counts the marches of primary rays; `hits` are the columns [`counted`] of a march's output.
     pub(super) fn count(&mut self, hits: &[Vec<f64>]) {
-        let [last, status, steps, iterations, nan] =
-            ["last_de", "status", "steps", "iterations", "nan"].map(|name| &hits[column(name)]);
+        let [last, status, steps, iterations, nan] = [0, 1, 2, 3, 4].map(|i| &hits[i]);
         self.rays += status.len() as u64;
         for (i, &code) in status.iter().enumerate() {
             let status = Status::from_code(code);
@@ -82,11 +81,19 @@ impl Stats {
                 *undecided += u64::from(is_undecided(last[i], steps[i], status));
             }
         }
+        self.max_steps = self.max_steps.max(steps.iter().copied().fold(0.0, f64::max) as u64);
         self.nan += nan.iter().filter(|&&n| n > 0.0).count() as u64;
         self.estimates += steps.iter().sum::<f64>() as u64;
         self.iterations += iterations.iter().sum::<f64>() as u64;
-        self.max_steps = self.max_steps.max(steps.iter().copied().fold(0.0, f64::max) as u64);
     }
+}
+
+/// Which of [`counted`] is the status.
+pub(super) const STATUS: usize = 1;
+
+/// Columns of a march's output that are counted, as [`Stats::count`] takes them.
+pub(super) fn counted() -> [usize; 5] {
+    ["last_de", "status", "steps", "iterations", "nan"].map(column)
 }
 
 /// Column of a march's output.

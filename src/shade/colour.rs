@@ -103,7 +103,8 @@ pub(crate) fn sun_direction(look: &Look, frame: &CameraFrame) -> [f64; 3] {
     v.map(|x| x / length)
 }
 
-fn background<'g>(arena: &'g Arena, look: &Look, frame: &CameraFrame, direction: Expr<'g>) -> Expr<'g> {
+/// What is seen in a direction where nothing is: linear.
+pub(super) fn background<'g>(arena: &'g Arena, look: &Look, frame: &CameraFrame, direction: Expr<'g>) -> Expr<'g> {
     let height = (direction.dot(arena.v3(frame.up)) * 1.6 + 0.5).clamp(arena.f(0.0), arena.f(1.0));
     arena.v3(look.background[0]).mix(arena.v3(look.background[1]), height)
 }

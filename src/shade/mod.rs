@@ -9,7 +9,7 @@ pub(crate) use colour::sun_direction;
 pub use colour::{compose_colour, compose_encode};
 
 use crate::expr::{Arena, Expr, Function, Port, Type};
-use crate::graph::Camera;
+use crate::graph::{Camera, Look};
 use crate::kernel::{Status, march_output_ports, ray_ports};
 
 /// Picture geometry.
@@ -69,9 +69,7 @@ pub fn pixel_radius(camera: &Camera, size: Size) -> f64 {
 pub fn compose_camera(arena: &Arena, camera: &Camera, size: Size, bounding_radius: f64) -> Function {
     let mut function = Function::new("camera", vec![Port::new("x", Type::F), Port::new("y", Type::F)]);
     let (x, y) = (arena.input(0, Type::F), arena.input(1, Type::F));
-    let direction = direction_of(arena, camera, size, x, y);
-    let origin = arena.v3(camera.position);
-    let (near, far) = sphere_range(origin, direction, arena.f(bounding_radius));
+    let [origin, direction, near, far] = ray_through(arena, camera, size, bounding_radius, [x, y]);
     output_ray(&mut function, origin, direction, near, far);
     function
 }
@@ -92,17 +90,23 @@ pub fn compose_beam(arena: &Arena, camera: &Camera, size: Size, bounding_radius:
     function
 }
 
-/// Rays that begin no nearer than at `start`; a ray that ends before has an empty range.
-pub fn compose_begin(arena: &Arena) -> Function {
-    let mut ports = ray_ports();
-    ports.push(Port::new("start", Type::F));
-    let mut function = Function::new("begin", ports);
-    let [origin, direction] = [0, 1].map(|i| arena.input(i, Type::V3));
-    let [near, far, start] = [2, 3, 4].map(|i| arena.input(i, Type::F));
+/// The rays of [`compose_camera`], beginning no nearer than at `start`; a ray that ends before has an empty range.
+pub fn compose_begin(arena: &Arena, camera: &Camera, size: Size, bounding_radius: f64) -> Function {
+    let mut function = Function::new("begin", ["x", "y", "start"].map(|name| Port::new(name, Type::F)).to_vec());
+    let [x, y, start] = [0, 1, 2].map(|i| arena.input(i, Type::F));
+    let [origin, direction, near, far] = ray_through(arena, camera, size, bounding_radius, [x, y]);
     let is_over = far.le(start);
     let (near, far) = (is_over.select(near, near.max(start)), is_over.select(arena.f(-1.0), far));
     output_ray(&mut function, origin, direction, near, far);
     function
+}
+
+/// The ray through a place of the picture: origin, direction, and where it is inside the bounding sphere.
+fn ray_through<'g>(arena: &'g Arena, camera: &Camera, size: Size, radius: f64, [x, y]: [Expr<'g>; 2]) -> [Expr<'g>; 4] {
+    let direction = direction_of(arena, camera, size, x, y);
+    let origin = arena.v3(camera.position);
+    let (near, far) = sphere_range(origin, direction, arena.f(radius));
+    [origin, direction, near, far]
 }
 
 /// The unit direction through a place of the picture.
@@ -112,6 +116,14 @@ fn direction_of<'g>(arena: &'g Arena, camera: &Camera, size: Size, x: Expr<'g>, 
     let right = (x - f64::from(size.width) / 2.0) * pixel;
     let up = (y - f64::from(size.height) / 2.0) * -pixel;
     (arena.v3(frame.right) * right + arena.v3(frame.up) * up + arena.v3(frame.forward)).normalize()
+}
+
+/// Pixel coordinates, as [`compose_camera`] takes them, to the linear colour that a ray without a hit has.
+pub fn compose_background(arena: &Arena, look: &Look, camera: &Camera, size: Size) -> Function {
+    let mut function = Function::new("background", vec![Port::new("x", Type::F), Port::new("y", Type::F)]);
+    let direction = direction_of(arena, camera, size, arena.input(0, Type::F), arena.input(1, Type::F));
+    function.output("colour", colour::background(arena, look, &CameraFrame::new(camera), direction));
+    function
 }
 
 fn output_ray(function: &mut Function, origin: Expr, direction: Expr, near: Expr, far: Expr) {

@@ -131,10 +131,11 @@ impl<T: Copy + PartialOrd + Into<f64>> Rays<T> {
     /// All rays at their near end.
     pub(super) fn start(inputs: &[&[T]], scalar: impl Fn(f64) -> T) -> Rays<T> {
         let len = inputs[0].len();
-        let mut columns = vec![Vec::new(); COLUMNS];
-        for i in 0..len {
-            let values = inputs.iter().map(|column| column[i]).chain(start_of(inputs, i, &scalar));
-            columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
+        let mut columns: Vec<Vec<T>> = inputs.iter().map(|column| column.to_vec()).collect();
+        columns.resize_with(COLUMNS, || Vec::with_capacity(len));
+        for ray in 0..len {
+            let state = start_of(inputs, ray, &scalar);
+            columns[RAY..].iter_mut().zip(state).for_each(|(column, value)| column.push(value));
         }
         Rays { columns, ids: (0..len as u32).collect() }
     }
@@ -145,26 +146,19 @@ impl<T: Copy + PartialOrd + Into<f64>> Rays<T> {
 
     /// Writes out the rays that are done (all of them at the end) and moves the others together.
     pub(super) fn retire(&mut self, outputs: &mut [&mut [T]], all: bool) {
-        let mut kept = 0;
-        for i in 0..self.ids.len() {
-            if all || !self.is_running(i) {
-                let id = self.ids[i] as usize;
-                for (output, column) in outputs.iter_mut().zip(&self.columns[RAY..]) {
-                    output[id] = column[i];
-                }
-                continue;
-            }
-            if kept != i {
-                for column in &mut self.columns {
-                    column[kept] = column[i];
-                }
-                self.ids[kept] = self.ids[i];
-            }
-            kept += 1;
+        let is_done = |i: &u32| all || !self.is_running(*i as usize);
+        let (done, kept): (Vec<u32>, Vec<u32>) = (0..self.ids.len() as u32).partition(is_done);
+        // Column by column, so that each is a walk through memory.
+        for (output, column) in outputs.iter_mut().zip(&self.columns[RAY..]) {
+            done.iter().for_each(|&i| output[self.ids[i as usize] as usize] = column[i as usize]);
         }
-        self.ids.truncate(kept);
+        // Those before the first that is done stay where they are.
+        let first = done.first().map_or(self.ids.len(), |&i| i as usize);
         for column in &mut self.columns {
-            column.truncate(kept);
+            (first..kept.len()).for_each(|i| column[i] = column[kept[i] as usize]);
+            column.truncate(kept.len());
         }
+        (first..kept.len()).for_each(|i| self.ids[i] = self.ids[kept[i] as usize]);
+        self.ids.truncate(kept.len());
     }
 }

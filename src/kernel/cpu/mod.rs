@@ -186,10 +186,11 @@ impl Backend for Cpu {
     }
 
     fn download(&self, columns: &CpuColumns) -> Result<Vec<Vec<f64>>, BackendError> {
-        Ok(match columns {
-            CpuColumns::F64(columns) => columns.clone(),
-            CpuColumns::F32(columns) => columns.iter().map(|c| c.iter().map(|&x| f64::from(x)).collect()).collect(),
-        })
+        Ok((0..columns.count()).map(|number| columns.in_f64(number)).collect())
+    }
+
+    fn download_only(&self, columns: &CpuColumns, numbers: &[usize]) -> Result<Vec<Vec<f64>>, BackendError> {
+        Ok(numbers.iter().map(|&number| columns.in_f64(number)).collect())
     }
 
     fn run(&self, kernel: &CpuKernel, inputs: &[&CpuColumns]) -> Result<CpuColumns, BackendError> {
@@ -220,6 +221,20 @@ impl Backend for Cpu {
 }
 
 impl CpuColumns {
+    fn count(&self) -> usize {
+        match self {
+            CpuColumns::F32(columns) => columns.len(),
+            CpuColumns::F64(columns) => columns.len(),
+        }
+    }
+
+    fn in_f64(&self, number: usize) -> Vec<f64> {
+        match self {
+            CpuColumns::F32(columns) => columns[number].iter().map(|&x| f64::from(x)).collect(),
+            CpuColumns::F64(columns) => columns[number].clone(),
+        }
+    }
+
     fn f32s(&self) -> Vec<&[f32]> {
         match self {
             CpuColumns::F32(columns) => columns.iter().map(Vec::as_slice).collect(),
