@@ -125,7 +125,7 @@ fn objects_are_placed_scaled_and_joined() {
 /// Old pictures stand in a mirror: what was at z is at -z, and so is the camera.
 #[test]
 fn legacy_pictures_are_mirrored_with_their_camera() {
-    let main = "legacy_coordinate_system true;\nformula_1 2;\njulia_mode true;\njulia_c 0 0 0.9;\ncamera 0 -3 1;\ntarget 0 0 0.25;\ncamera_top 0 0 1;\nN 10;";
+    let main = "legacy_coordinate_system true;\nformula_1 2;\njulia_mode true;\njulia_c 0 0 0.3;\ncamera 0 -3 1;\ntarget 0 0 0.25;\ncamera_top 0 0 1;\nN 10;";
     let legacy = imported("old.fract", &settings(main, &["power 2;"]), &[]);
     let now =
         imported("new.fract", &settings(&main.replace("legacy_coordinate_system true;\n", ""), &["power 2;"]), &[]);
@@ -172,7 +172,7 @@ fn broken_files_are_told_with_their_place() {
         ),
         ("a.frag", "void main() {}", "1:1", "not a shader of Fragmentarium"),
         ("a.frag", "uniform float Secret; slider[0,1,2]\n", "1:1", "not among those that are known"),
-        ("Mandelbulb.frag", "uniform float Power; slider[0,8]\n", "1:30", "`Power` has no default value"),
+        ("Mandelbulb.frag", "uniform float Power; slider[0,8]\n", "1:29", "`Power` has no default value"),
         (
             "Mandelbulb.frag",
             "uniform float Power; slider[0,8,16]\n#preset A\nPower =\n#endpreset\n",
