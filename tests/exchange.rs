@@ -267,7 +267,7 @@ fn compiler(name: &str) -> bool {
 
 fn accepts(name: &str, arguments: &[&str], folder: &Path) {
     let output = Command::new(name).args(arguments).current_dir(folder).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &stderr(&output);
+    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), stderr(&output));
     assert!(output.status.success(), "{name} {arguments:?}: {said}");
 }
 
