@@ -12,6 +12,7 @@
 //! 7. [`march`], [`shade`], [`film`]: rays to hits, hits to colours, colours to a picture.
 //! 8. [`load`] and [`render`] join the stages, [`precision`] says which one a view needs; [`check`] tests formulas and
 //!    measures estimates, [`calibrate`] chooses by what was measured, `chart` draws it and `view` shows it pixel by pixel.
+//! 9. [`exchange`]: settings of other programs in, distance functions for other programs out.
 //!
 //! Testing a formula of your own takes a few lines:
 //!
@@ -33,6 +34,7 @@ pub mod chart;
 pub mod check;
 pub mod compose;
 pub mod diag;
+pub mod exchange;
 pub mod expr;
 pub mod film;
 pub mod formula;

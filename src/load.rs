@@ -84,7 +84,8 @@ pub fn load_text(
     (!d.has_errors()).then_some(Loaded { graph, text: id })
 }
 
-fn read_text(path: &Path, d: &mut Diagnostics) -> Option<String> {
+/// Reads a text file of at most 1 MiB; an error is pushed.
+pub fn read_text(path: &Path, d: &mut Diagnostics) -> Option<String> {
     let fail = |text: String, d: &mut Diagnostics| {
         d.push(Diagnostic::error(format!("cannot read {}: {text}", path.display())));
         None

@@ -18,6 +18,7 @@ const ORDER: &[&str] = &[
     "frames",
     "precision",
     "load",
+    "exchange",
     "check",
     "calibrate",
     "chart",

@@ -19,10 +19,12 @@ mod cost;
 mod docs;
 mod doctor;
 mod explain;
+mod export;
 #[cfg(feature = "chart")]
 mod gallery;
 #[cfg(feature = "chart")]
 mod gallery_page;
+mod import;
 mod list;
 mod new;
 mod page;
@@ -94,6 +96,10 @@ enum Command {
     Explain(explain::Arguments),
     /// Write a commented formula file to start from.
     New(new::Arguments),
+    /// Write a formula's distance estimate for other programs: WGSL, GLSL, Shadertoy, Fragmentarium, HLSL, MSL, SPIR-V.
+    Export(export::Arguments),
+    /// Make a graph file of settings of Mandelbulber or Fragmentarium.
+    Import(import::Arguments),
     /// March sampled rays of a view again with proofs, and say where its estimate was wrong.
     Audit(audit::Arguments),
     /// Render all fractals to an HTML page with search, or to thumbnails.
@@ -176,6 +182,8 @@ fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
         Command::List(arguments) => list::run(arguments, &mut Session::new(folders)?, out),
         Command::Explain(arguments) => explain::run(arguments, &mut Session::new(folders)?, out),
         Command::New(arguments) => new::run(arguments),
+        Command::Export(arguments) => export::run(arguments, &mut Session::new(folders)?, out),
+        Command::Import(arguments) => import::run(arguments, &mut Session::new(folders)?),
         Command::Audit(arguments) => audit::run(arguments, &mut Session::new(folders)?, out),
         #[cfg(feature = "chart")]
         Command::Gallery(arguments) => gallery::run(arguments, &mut Session::new(folders)?, out),

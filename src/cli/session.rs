@@ -3,7 +3,7 @@
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-use bulbfold::diag::{Diagnostic, Diagnostics};
+use bulbfold::diag::{Diagnostic, Diagnostics, Sources};
 use bulbfold::formula::library::Library;
 use bulbfold::load::{Loaded, load};
 
@@ -67,6 +67,11 @@ impl Session {
         let mut d = Diagnostics::default();
         d.push(diagnostic);
         Failure::Usage(d.render(&self.library.sources, self.colour))
+    }
+
+    /// Messages about texts of another library, as this session shows them.
+    pub fn rendered(&self, d: &Diagnostics, sources: &Sources) -> String {
+        d.render(sources, self.colour)
     }
 
     /// Says something on stderr, as a warning.

@@ -18,6 +18,11 @@ impl Schedule {
         Schedule { prefix: Vec::new(), cycle: vec![item] }
     }
 
+    /// The shortest prefix and cycle that repeat a sequence of items.
+    pub fn of_sequence(sequence: &[usize]) -> Schedule {
+        find_period(sequence)
+    }
+
     /// The item of iteration `n`, counted from 0.
     #[inline]
     pub fn item(&self, n: usize) -> usize {

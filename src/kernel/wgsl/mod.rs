@@ -53,6 +53,16 @@ pub fn write(arena: &Arena, kernel: &Kernel) -> String {
     text
 }
 
+/// The function `estimate` of an estimator and all that it calls, without buffers and entry points.
+pub fn write_estimate(arena: &Arena, estimator: &Estimator) -> String {
+    let mut writer = Module { arena, body: String::new(), helpers: Helpers::new() };
+    writer.estimate(estimator);
+    let mut text = String::new();
+    write_helpers(&mut text, &writer.helpers);
+    text.push_str(&writer.body);
+    text
+}
+
 /// Names of a kernel's entry points; all but the last are run once, before it.
 pub fn entry_points(kernel: &Kernel) -> &'static [&'static str] {
     match kernel {

@@ -1,0 +1,101 @@
+//! `bulbfold export`: a formula's distance estimate for other programs.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::rc::Rc;
+
+use bulbfold::compose::{Composer, choose};
+use bulbfold::exchange::export::{ExportError, Exported, Target, export};
+use bulbfold::expr::Arena;
+use bulbfold::film::write_beside;
+use bulbfold::shade::frame_automatically;
+use clap::builder::PossibleValue;
+use clap::{Args, ValueEnum};
+
+use super::arguments::{EstimateArgs, FormulaArgs};
+use super::session::check_output;
+use super::{Failure, Outcome, Session, message, usage};
+
+/// Arguments of `export`.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  bulbfold export mandelbulb --to shadertoy -o bulb.glsl
+  bulbfold export mandelbox --set scale=-1.5 --to hlsl
+  bulbfold export menger --to spirv -o menger.spv")]
+pub struct Arguments {
+    #[command(flatten)]
+    formula: FormulaArgs,
+    /// Language or program
+    #[arg(long, value_enum, value_name = "TARGET")]
+    to: TargetArg,
+    /// Write to this file instead of stdout
+    #[arg(short, long, value_name = "OUT")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    estimate: EstimateArgs,
+}
+
+/// A target as a flag's value.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+struct TargetArg(Target);
+
+impl ValueEnum for TargetArg {
+    fn value_variants<'a>() -> &'a [Self] {
+        static ALL: [TargetArg; Target::ALL.len()] = {
+            let mut all = [TargetArg(Target::Wgsl); Target::ALL.len()];
+            let mut i = 0;
+            while i < all.len() {
+                all[i] = TargetArg(Target::ALL[i]);
+                i += 1;
+            }
+            all
+        };
+        &ALL
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        Some(PossibleValue::new(self.0.name()))
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
+    match &arguments.output {
+        Some(path) => check_output(path, None)?,
+        None if arguments.to.0 == Target::Spirv => {
+            return Err(usage("SPIR-V is no text, so it needs a file", "write `-o NAME.spv`"));
+        }
+        None => {}
+    }
+    let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
+    let arena = Rc::new(Arena::default());
+    let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
+    let plan = choose(&composer, &arguments.estimate.settings()).map_err(|d| session.failure(d))?;
+    plan.warnings.iter().for_each(|warning| session.warn(warning));
+    let camera = graph.camera.unwrap_or_else(|| frame_automatically(plan.bounding_radius));
+    let exported = export(&composer, &plan, &camera, arguments.to.0).map_err(|error| failure(error, session))?;
+    let bytes = match exported {
+        Exported::Text(text) => text.into_bytes(),
+        Exported::Words(words) => words.into_iter().flat_map(u32::to_le_bytes).collect(),
+    };
+    match &arguments.output {
+        Some(path) => write_beside(path, &bytes)
+            .map_err(|error| Failure::Work(message(&format!("cannot write {}: {error}", path.display()), ""))),
+        None => Ok(out.write_all(&bytes)?),
+    }
+}
+
+fn failure(error: ExportError, session: &Session) -> Failure {
+    match error {
+        ExportError::Formula(diagnostic) => session.failure(diagnostic),
+        ExportError::NeedsRay(method) => usage(
+            format!("the estimate `{}` needs the ray, and a distance function has only a point", method.name()),
+            "choose one of a point alone, such as `--de scalar`, `--de gradient` or `--de combined`",
+        ),
+        ExportError::Writer(text) => Failure::Work(message(
+            &format!("the exported shader was refused, which is a bug in bulbfold:\n{text}"),
+            "please report the formula file and this message",
+        )),
+    }
+}

@@ -1,0 +1,107 @@
+//! `bulbfold import`: files of other programs as graph files.
+
+use std::path::{Path, PathBuf};
+
+use bulbfold::diag::{Diagnostic, Diagnostics};
+use bulbfold::exchange::import::{Imported, LostKind, fragmentarium, mandelbulber};
+use bulbfold::formula::library::Library;
+use bulbfold::load::{load_text, read_text};
+use clap::Args;
+
+use super::session::{check_output, talk, write_file};
+use super::{Failure, Outcome, Session, usage};
+
+/// Arguments of `import`.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  bulbfold import scene.fract && bulbfold render scene.ron
+  bulbfold import Mandelbulb.frag --preset Spikes -o spikes.ron
+
+What has no counterpart is listed on stderr.")]
+pub struct Arguments {
+    /// Settings of Mandelbulber 2 (.fract) or a shader of Fragmentarium (.frag)
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// The file to write [default: FILE with the ending .ron, beside it]
+    #[arg(short, long, value_name = "OUT")]
+    output: Option<PathBuf>,
+    /// Preset of a Fragmentarium file [default: the file's default preset, or its first]
+    #[arg(long, value_name = "NAME")]
+    preset: Option<String>,
+    /// Overwrite OUT if it is there
+    #[arg(long)]
+    force: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, session: &mut Session) -> Outcome {
+    let target = arguments.output.clone().unwrap_or_else(|| arguments.file.with_extension("ron"));
+    if target.exists() && !arguments.force {
+        let message = format!("{} is there already and is not overwritten", target.display());
+        return Err(usage(message, "choose another name with -o, or allow it with --force"));
+    }
+    check_output(&target, Some("ron"))?;
+    let imported = read(arguments, session)?;
+    check_loads(&imported, &target, session)?;
+    write_file(&target, &imported.text)?;
+    report(&imported);
+    talk(&format!("wrote {0}; next: bulbfold render {0}", target.display()));
+    Ok(())
+}
+
+fn read(arguments: &Arguments, session: &mut Session) -> Result<Imported, Failure> {
+    let file = &arguments.file;
+    let ending = file.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if arguments.preset.is_some() && ending != "frag" {
+        return Err(usage("only Fragmentarium's files have presets", "leave --preset out"));
+    }
+    if ending != "frag" && ending != "fract" {
+        let message = format!("{} is neither a .fract nor a .frag file", file.display());
+        return Err(usage(message, "settings of Mandelbulber 2 end in .fract, shaders of Fragmentarium in .frag"));
+    }
+    let mut d = Diagnostics::default();
+    let text = read_text(file, &mut d);
+    session.report(std::mem::take(&mut d))?;
+    let text = text.unwrap_or_default();
+    let id = session.library.sources.add(file.display().to_string(), text.as_str());
+    let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let sources = &session.library.sources;
+    let imported = match ending.as_str() {
+        "frag" => fragmentarium::import(sources, id, &name, arguments.preset.as_deref(), &mut d),
+        _ => mandelbulber::import(sources, id, &name, &mut d),
+    };
+    session.report(d)?;
+    imported.ok_or_else(|| usage(format!("cannot import {}", file.display()), ""))
+}
+
+/// A graph that does not load is not written: some value is outside of what our steps take.
+fn check_loads(imported: &Imported, target: &Path, session: &Session) -> Result<(), Failure> {
+    let (mut library, mut d) = (Library::builtin(), Diagnostics::default());
+    load_text(&mut library, &target.display().to_string(), &imported.text, &[], &mut d);
+    if !d.has_errors() {
+        return Ok(());
+    }
+    let message = "the settings hold values that the steps here do not take, so no file was written";
+    let mut all = Diagnostics::default();
+    all.push(Diagnostic::error(message).help("the messages below show the graph that would have been written"));
+    all.extend(d);
+    Err(Failure::Usage(session.rendered(&all, &library.sources)))
+}
+
+/// Says on stderr what was not carried over.
+fn report(imported: &Imported) {
+    for kind in LostKind::ALL {
+        let lost: Vec<_> = imported.lost.iter().filter(|lost| lost.kind == kind).collect();
+        if lost.is_empty() {
+            continue;
+        }
+        talk(&format!("{}:", kind.heading()));
+        for part in lost {
+            match part.why.is_empty() {
+                true => talk(&format!("  {}", part.what)),
+                false => talk(&format!("  {} ({})", part.what, part.why)),
+            }
+        }
+    }
+}
