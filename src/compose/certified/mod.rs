@@ -363,9 +363,9 @@ impl<'a> Builder<'a> {
     fn prove(&self, s: Expr<'a>, moved: &Moved<'a>, threshold: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
         let r = moved.z.length();
-        // A segment comes nearer to the origin only by its direction's share towards it.
+        // Lengths of a segment, on both sides of its middle, change only by its direction's share towards the origin.
         let factor = moved.segment.map_or(moved.l, |(v, rho)| {
-            let towards = rho + (-v.dot(moved.z) / r).max(arena.f(0.0));
+            let towards = rho + (v.dot(moved.z) / r).abs();
             towards.lt(moved.l).select(towards, moved.l)
         });
         let proven = (r - threshold - moved.eta) / factor.max(arena.f(1e-30));
