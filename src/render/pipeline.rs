@@ -101,9 +101,8 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     });
     let shadow_march = shadow_march.transpose()?.map(Kernel::March);
     let skipped = if settings.plain { 0.0 } else { SKIPPED };
-    let shadow_ray = look
-        .shadows
-        .then(|| Kernel::Map(shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius, skipped)));
+    let shadow_ray =
+        look.shadows.then(|| Kernel::Map(shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius, skipped)));
     Ok(Pipeline {
         camera,
         pixel_radius,

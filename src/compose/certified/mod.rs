@@ -412,6 +412,7 @@ impl<'a> Context<'a, '_> {
             c: self.c,
             e_c: self.c_l * self.e0,
             v: input.segment.map(|(v, _)| v),
+            l: input.l,
             n: self.n,
         };
         let Some(rule) = step_rule(self.composer, node, inputs)? else { return Ok(input) };
@@ -428,6 +429,7 @@ impl<'a> Context<'a, '_> {
             Some(Tangent::Within(middle, radius)) => (middle, rule.stretch * rho + radius),
             // Taylor: no point is farther from the centre than l s, so l e0 bounds one of the two factors.
             Some(Tangent::Bending(along, bend)) => (along, rule.growth * rho + bend * inputs.e * input.l * 0.5),
+            Some(Tangent::Chord(middle, radius, factor)) => (middle, factor * rho + radius),
             // Worse than the factor, so it starts again.
             None => (v.lift(0.0), moved.l),
         });
@@ -438,7 +440,7 @@ impl<'a> Context<'a, '_> {
     /// growth the segment starts again, so it need not count for more.
     fn rounding_growth(&self, rule: &StepRule<'a>, inputs: &RuleInputs<'a>) -> Expr<'a> {
         match rule.tangent {
-            Some(Tangent::Within(..)) => rule.stretch,
+            Some(Tangent::Within(..) | Tangent::Chord(..)) => rule.stretch,
             Some(Tangent::Bending(_, bend)) => rule.growth + (bend * inputs.e * 0.5).min(rule.growth * KEPT),
             None => rule.growth,
         }
