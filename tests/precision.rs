@@ -187,7 +187,7 @@ fn depths_far_in_are_those_of_brute_force() {
             let subject = subject.unwrap_or_else(|error| panic!("{}", error.message));
             let settings =
                 RenderSettings { size: SIZE, min_difference: MIN_DIFFERENCE_F64, ..RenderSettings::default() };
-            let judged = truth::judge(&subject, 100, &settings).unwrap();
+            let judged = truth::judge(&subject, 40, &settings).unwrap();
             println!(
                 "{name} at {zoom:e}: {} hits, {:.4} footprints off, {:.2} % missed, {:.2} % early",
                 judged.hits,
