@@ -15,8 +15,9 @@ const SUN_RADIUS: f64 = 0.0047;
 
 /// Shortest step of a walk where estimates are proofs.
 const LEAST_STEP_OF_PROOFS: f64 = 1.0 / 16.0;
-/// What the shadows of a picture of proofs are estimated by, the first that applies, and how much of an estimate is taken.
+/// What the shadows of a picture of proofs are estimated by: the first that applies.
 const INSTEAD_OF_PROOFS: [Method; 3] = [Method::Combined, Method::Gradient, Method::Scalar];
+/// Step multiplier of those estimates.
 const FUDGE_INSTEAD_OF_PROOFS: f64 = 0.35;
 /// Balls that a step is long at most: these rays leave a surface, and estimates grow along them.
 const MOST: f64 = 3.0;
