@@ -2,8 +2,8 @@
 
 use std::rc::Rc;
 
-use bulbfold::check::Formula;
-use bulbfold::check::truth::{Members, point};
+use bulbfold::check::truth::{self, Members, point};
+use bulbfold::check::{Formula, Subject};
 use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
 use bulbfold::graph::{Camera, ValidGraph};
@@ -172,6 +172,32 @@ fn shares_of_rounding() {
             all[all.len() / 2]
         };
         println!("| {name} | {:.2} | {:.2} |", median(&exact, &start), median(&start, &single));
+    }
+}
+
+/// Not only is no pixel black: what rays meet is what brute force meets, as far in as f64 goes.
+#[test]
+fn depths_far_in_are_those_of_brute_force() {
+    for name in ["mandelbulb", "mandelbox", "menger"] {
+        let place = Place::of(name);
+        for zoom in [1e5, 1e9, 1e13] {
+            let graph = place.graph(zoom, Zoom::Dolly);
+            let arena = Rc::new(Arena::default());
+            let subject = Subject::new(place.formula.library(), &graph, &arena);
+            let subject = subject.unwrap_or_else(|error| panic!("{}", error.message));
+            let settings =
+                RenderSettings { size: SIZE, min_difference: MIN_DIFFERENCE_F64, ..RenderSettings::default() };
+            let judged = truth::judge(&subject, 40, &settings).unwrap();
+            println!(
+                "{name} at {zoom:e}: {} hits, {:.4} footprints off, {:.2} % missed, {:.2} % early",
+                judged.hits,
+                judged.median_error,
+                100.0 * judged.missed,
+                100.0 * judged.early
+            );
+            assert!(judged.hits > 20, "{name} at {zoom:e}: {judged:?}");
+            assert!(judged.median_error < 0.5 && judged.missed == 0.0, "{name} at {zoom:e}: {judged:?}");
+        }
     }
 }
 

@@ -56,7 +56,8 @@ fn parameters(step: &Step, set: usize, random: &mut Random) -> Vec<(String, Para
 }
 
 /// A step's image and stated rules as one kernel. Inputs: z, x and y (points of the ball), e and t. Outputs: the images of
-/// the three, the derivative at z along x - z, then growth, stretch, bend and pull_back, -1 where they are not stated.
+/// the three, the derivative at z along x - z, then growth, stretch, bend and pull_back, the chord to x with its radius and the
+/// factor at z; -1 where they are not stated.
 fn kernel(library: &Library, step: &Step, arena: &Rc<Arena>, params: &[(String, ParamValue)], width: u8) -> Kernel {
     let ty = Type::F.with_width(width);
     let ports = vec![
@@ -94,6 +95,17 @@ fn kernel(library: &Library, step: &Step, arena: &Rc<Arena>, params: &[(String, 
         function.output(name, number(name, &[z, e]));
     }
     function.output("pull_back", number("pull_back", &[t]));
+    // A chord to x, with y off it: both lie within l and within e.
+    let reach = (x - z).length().max((y - z).length());
+    let arguments = [z, x - z, reach, e].map(|a| arena.expr(a.id));
+    let chord = step.trace_chord(&library.engine, &library.sources, arena, &arguments, &map);
+    let none = [arena.expr(z.id), arena.f(-1.0)];
+    let [middle, radius] = chord.unwrap_or_else(|error| panic!("{}: {error:?}", step.name)).unwrap_or(none);
+    function.output("chord", middle);
+    function.output("chord_radius", radius);
+    let inputs = StepInputs { z: arena.expr(z.id), c: arena.expr(z.lift(0.0).id), dr: Some(arena.f(1.0)) };
+    let factor = step.trace(&library.engine, &library.sources, arena, inputs, &map).ok().and_then(|traced| traced.dr);
+    function.output("factor", factor.unwrap_or_else(|| arena.f(-1.0)));
     Kernel::Map(function)
 }
 
@@ -128,8 +140,8 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     norm(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>())
 }
 
-/// How many samples had each rule: growth, stretch, bend and pull_back.
-type Seen = [usize; 4];
+/// How many samples had each rule: growth, stretch, bend, chord and pull_back.
+type Seen = [usize; 5];
 
 fn check_rules(
     library: &Library,
@@ -162,15 +174,19 @@ fn check_rules(
                 return;
             }
             seen[rule] += 1;
-            let name = ["growth", "stretch", "bend"][rule];
+            let name = ["growth", "stretch", "bend", "chord"][rule];
             assert!(found <= allowed * (1.0 + 1e-9) + slack, "{name} {bound}: {found} above {allowed}, {}", place());
         };
         holds(0, growth, distance(&fx, &fz), growth * distance(&x, &z));
         holds(1, stretch, distance(&fx, &fy), stretch * distance(&x, &y));
         let straight: Vec<f64> = fz.iter().zip(&along).map(|(f, a)| f + a).collect();
         holds(2, bend, distance(&fx, &straight), 0.5 * bend * distance(&x, &z).powi(2));
+        let chord: Vec<f64> = (0..moved).map(|j| fz[j] + out[4 * w + 4 + j][i]).collect();
+        let [radius, factor] = [0, 1].map(|k| out[5 * w + 4 + k][i]);
+        holds(3, radius, distance(&fy, &chord), radius + factor * distance(&x, &y));
+        holds(3, radius, distance(&fx, &chord), radius);
         if (0.0..UNKNOWN).contains(&pull_back) {
-            seen[3] += 1;
+            seen[4] += 1;
             let t = columns[3 * w + 1][i];
             let image = norm(&fz);
             assert!(
@@ -201,8 +217,9 @@ fn stated_rules_hold_for_random_balls() {
             }
         }
         // No test that cannot fail: what a file states was also sampled.
-        for (rule, count) in ["growth", "stretch", "bend", "pull_back"].iter().zip(seen) {
-            let arguments = if *rule == "pull_back" { 2 } else { 3 };
+        for (rule, count) in ["growth", "stretch", "bend", "chord", "pull_back"].iter().zip(seen) {
+            let arguments =
+                [("pull_back", 2), ("chord", 5)].iter().find(|known| known.0 == *rule).map_or(3, |known| known.1);
             assert!(!step.has_function(rule, arguments) || count > 200, "{}: {rule} only {count} times", step.name);
         }
     }

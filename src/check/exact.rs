@@ -15,6 +15,8 @@
 //! assert!((Limit::menger().distance([1.0, 0.0, 0.0]) - 1.0 / 3.0).abs() < 1e-9);
 //! ```
 
+use std::rc::Rc;
+
 use glam::DVec3;
 
 use super::truth::{Ray, point};
@@ -31,8 +33,16 @@ const DEPTH: u32 = 60;
 enum Hull {
     /// The cube of this centre and half its edge.
     Cube(DVec3, f64),
-    /// The tetrahedron of these corners.
-    Tetrahedron([DVec3; 4]),
+    /// A polytope of this centre, and how many times as large it is.
+    Polytope(Rc<Polytope>, DVec3, f64),
+}
+
+/// A convex polytope around the origin.
+#[derive(Clone, PartialEq, Debug)]
+struct Polytope {
+    corners: Vec<DVec3>,
+    /// Corners of triangles that cover its faces, counterclockwise as seen from outside.
+    faces: Vec<[usize; 3]>,
 }
 
 /// A set made of smaller copies of itself, each its hull shrunk about a fixed point.
@@ -42,6 +52,26 @@ pub struct Limit {
     hull: Hull,
     scale: f64,
     fixed_points: Vec<DVec3>,
+}
+
+/// Golden ratio.
+const PHI: f64 = 1.618_033_988_749_895;
+/// Share of a length by which a corner or a plane may be off.
+const ALIKE: f64 = 1e-9;
+
+/// All corners that these have as mirror images by signs and as turns of the axes.
+fn all_signs_and_turns(seeds: &[[f64; 3]]) -> Vec<DVec3> {
+    let mut all: Vec<DVec3> = Vec::new();
+    for seed in seeds {
+        for i in 0..24 {
+            let turned = [0, 1, 2].map(|k| seed[(k + i / 8) % 3]);
+            let corner = DVec3::from([0, 1, 2].map(|k| if i >> k & 1 == 0 { turned[k] } else { -turned[k] }));
+            if all.iter().all(|other| (*other - corner).length() > ALIKE) {
+                all.push(corner);
+            }
+        }
+    }
+    all
 }
 
 impl Limit {
@@ -62,12 +92,37 @@ impl Limit {
     /// for a scale of 2 or more.
     pub fn sierpinski_tetrahedron(scale: f64) -> Limit {
         let corners = [[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0]].map(DVec3::from);
-        let hull = Hull::Tetrahedron(corners);
-        Limit { name: "the Sierpinski tetrahedron", hull, scale, fixed_points: corners.to_vec() }
+        Limit::about_corners("the Sierpinski tetrahedron", corners.to_vec(), scale)
     }
 
-    /// The limit set of a formula, where it is one of those that are known: `menger_fold` or `tetra_fold`, scaled about
-    /// the corner (1, 1, 1), with no constant and nothing around.
+    /// The octahedron flake with corners at distance 1 on the axes: six copies of 1 / scale, for a scale of 2 or more.
+    pub fn octahedron(scale: f64) -> Limit {
+        Limit::about_corners("the octahedron flake", all_signs_and_turns(&[[1.0, 0.0, 0.0]]), scale)
+    }
+
+    /// The icosahedron flake with corners at distance 1, one of them along (phi, 1, 0): twelve copies of 1 / scale, for
+    /// a scale of 1 + phi or more.
+    pub fn icosahedron(scale: f64) -> Limit {
+        let unit = 1.0 / (1.0 + PHI * PHI).sqrt();
+        Limit::about_corners("the icosahedron flake", all_signs_and_turns(&[[PHI * unit, unit, 0.0]]), scale)
+    }
+
+    /// The dodecahedron flake with corners at distance 1, one of them along (1, 1, 1): twenty copies of 1 / scale, for a
+    /// scale of 2 + phi or more.
+    pub fn dodecahedron(scale: f64) -> Limit {
+        let unit = 1.0 / 3f64.sqrt();
+        let corners = all_signs_and_turns(&[[unit; 3], [unit * PHI, 0.0, unit / PHI]]);
+        Limit::about_corners("the dodecahedron flake", corners, scale)
+    }
+
+    /// Copies shrunk about each corner of a polytope around the origin.
+    fn about_corners(name: &'static str, corners: Vec<DVec3>, scale: f64) -> Limit {
+        let polytope = Polytope::of(corners.clone());
+        Limit { name, hull: Hull::Polytope(Rc::new(polytope), DVec3::ZERO, 1.0), scale, fixed_points: corners }
+    }
+
+    /// The limit set of a formula, where it is one of those that are known: a fold onto a corner of a sponge or a
+    /// polytope, scaled about that corner, with no constant and nothing around.
     pub fn of(graph: &Graph) -> Option<Limit> {
         let NodeKind::Orbit { of, settings } = &graph.node(graph.output).kind else { return None };
         if settings.constant != Constant::Off || !settings.pre.is_empty() || !settings.post.is_empty() {
@@ -81,12 +136,30 @@ impl Limit {
         }
         let scale = number(graph, grow, "scale")?;
         let centre = vector(graph, grow, "centre")?;
-        match step_name(graph, fold) {
-            _ if centre != [1.0; 3] => None,
-            "menger_fold" if scale == 3.0 && number(graph, fold, "offset") == Some(1.0 / 3.0) => Some(Limit::menger()),
-            "tetra_fold" if scale >= 2.0 => Some(Limit::sierpinski_tetrahedron(scale)),
-            _ => None,
-        }
+        // The corner that the fold leaves where it is, and the set.
+        let (corner, limit) = match step_name(graph, fold) {
+            "menger_fold" if scale == 3.0 && number(graph, fold, "offset") == Some(1.0 / 3.0) => {
+                ([1.0; 3], Limit::menger())
+            }
+            "tetra_fold" => ([1.0; 3], Limit::sierpinski_tetrahedron(scale)),
+            "octa_fold" => ([1.0, 0.0, 0.0], Limit::octahedron(scale)),
+            "icosa_fold" => ([PHI, 1.0, 0.0].map(|x| x / (1.0 + PHI * PHI).sqrt()), Limit::icosahedron(scale)),
+            "dodeca_fold" => ([1.0 / 3f64.sqrt(); 3], Limit::dodecahedron(scale)),
+            _ => return None,
+        };
+        let is_corner = (DVec3::from(centre) - DVec3::from(corner)).length() < ALIKE;
+        (is_corner && limit.parts_stay_apart()).then_some(limit)
+    }
+
+    /// Whether every part lies on its own side of the planes half way to the other parts' fixed points. Then a fold that
+    /// brings the nearest of those to one corner finds the part that a point is in; else folds cut parts off.
+    fn parts_stay_apart(&self) -> bool {
+        let Hull::Polytope(polytope, ..) = &self.hull else { return true };
+        let first = self.fixed_points[0];
+        self.fixed_points[1..].iter().all(|other| {
+            let lowest = polytope.corners.iter().map(|x| (first + (*x - first) / self.scale).dot(first - *other));
+            lowest.fold(f64::INFINITY, f64::min) >= -ALIKE
+        })
     }
 
     /// The set's name, with its article.
@@ -143,23 +216,17 @@ impl Limit {
 impl Hull {
     /// The copy of a hull whose own fixed point is that of the whole set's map.
     fn part(&self, fixed: DVec3, scale: f64) -> Hull {
+        let moved = |centre: DVec3, size: f64| centre + fixed * size * (1.0 - 1.0 / scale);
         match self {
-            Hull::Cube(centre, half) => Hull::Cube(*centre + fixed * *half * (1.0 - 1.0 / scale), half / scale),
-            Hull::Tetrahedron(corners) => {
-                // The whole tetrahedron is centred at the origin; a part is the same, moved and shrunk.
-                let middle = corners.iter().sum::<DVec3>() / 4.0;
-                let size = (corners[0] - middle).length() / 3f64.sqrt();
-                let fixed = middle + fixed * size;
-                Hull::Tetrahedron(corners.map(|corner| fixed + (corner - fixed) / scale))
-            }
+            Hull::Cube(centre, half) => Hull::Cube(moved(*centre, *half), half / scale),
+            Hull::Polytope(of, centre, size) => Hull::Polytope(of.clone(), moved(*centre, *size), size / scale),
         }
     }
 
     /// Half its extent.
     fn size(&self) -> f64 {
         match self {
-            Hull::Cube(_, half) => *half,
-            Hull::Tetrahedron(corners) => (corners[0] - corners[1]).length() * 0.5,
+            Hull::Cube(_, size) | Hull::Polytope(_, _, size) => *size,
         }
     }
 
@@ -167,7 +234,7 @@ impl Hull {
     fn distance(&self, p: DVec3) -> f64 {
         match self {
             Hull::Cube(centre, half) => ((p - *centre).abs() - *half).max(DVec3::ZERO).length(),
-            Hull::Tetrahedron([a, b, c, d]) => tetrahedron_distance(p, [*a, *b, *c, *d]),
+            Hull::Polytope(of, centre, size) => size * of.distance((p - *centre) / *size),
         }
     }
 
@@ -176,23 +243,40 @@ impl Hull {
         match self {
             // The nearest corner lies on the point's side of the middle.
             Hull::Cube(centre, half) => ((p - *centre).abs() - *half).length(),
-            Hull::Tetrahedron(corners) => corners.iter().map(|c| (p - *c).length()).fold(f64::INFINITY, f64::min),
+            Hull::Polytope(of, centre, size) => {
+                of.corners.iter().map(|c| (p - *centre - *c * *size).length()).fold(f64::INFINITY, f64::min)
+            }
         }
     }
 }
 
-fn tetrahedron_distance(p: DVec3, corners: [DVec3; 4]) -> f64 {
-    let mut nearest = f64::INFINITY;
-    let mut is_inside = true;
-    for apex in 0..4 {
-        let [a, b, c] = [1, 2, 3].map(|k| corners[(apex + k) % 4]);
-        let normal = (b - a).cross(c - a);
-        if normal.dot(p - a) * normal.dot(corners[apex] - a) < 0.0 {
-            is_inside = false;
-            nearest = nearest.min(triangle_distance(p, a, b, c));
+impl Polytope {
+    /// The convex hull of corners around the origin, each of which is one of the hull's.
+    fn of(corners: Vec<DVec3>) -> Polytope {
+        let mut faces = Vec::new();
+        let count = corners.len();
+        for (a, b, c) in (0..count).flat_map(|a| (0..count).flat_map(move |b| (0..count).map(move |c| (a, b, c)))) {
+            // Each triangle once, from its first corner on, and only if nothing is on its outside. Of a face with more
+            // corners all triangles are taken: they overlap, and cover it.
+            let normal = (corners[b] - corners[a]).cross(corners[c] - corners[a]);
+            let is_face = || corners.iter().all(|x| normal.dot(*x - corners[a]) <= ALIKE);
+            if a < b && a < c && normal.length() > ALIKE && is_face() {
+                faces.push([a, b, c]);
+            }
         }
+        Polytope { corners, faces }
     }
-    if is_inside { 0.0 } else { nearest }
+
+    /// Distance to the solid.
+    fn distance(&self, p: DVec3) -> f64 {
+        let mut nearest = f64::INFINITY;
+        for [a, b, c] in self.faces.iter().map(|face| face.map(|i| self.corners[i])) {
+            if (b - a).cross(c - a).dot(p - a) > 0.0 {
+                nearest = nearest.min(triangle_distance(p, a, b, c));
+            }
+        }
+        if nearest.is_finite() { nearest } else { 0.0 }
+    }
 }
 
 /// Distance to a triangle: to its plane where the foot is inside, else to the nearest edge.

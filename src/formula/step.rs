@@ -1,5 +1,7 @@
 //! Step files: one map of the orbit state, its scalar rule, its description and its worked examples.
 
+mod rules;
+
 use std::rc::Rc;
 
 use rhai::{AST, Dynamic, Map};
@@ -228,31 +230,6 @@ impl Step {
     /// True where the step file has a function of this name and number of arguments.
     pub fn has_function(&self, name: &str, arguments: usize) -> bool {
         self.ast.iter_functions().any(|f| f.name == name && f.params.len() == arguments)
-    }
-
-    /// Traces one of the step's functions that return a number: `stretch`, `growth` and `bend` of `(z, e, p)` or
-    /// `pull_back` of `(t, p)`. `None` where the file has none of this name. In a four-component orbit a step of three components sees
-    /// the first three.
-    pub fn trace_number<'g>(
-        &self,
-        engine: &ScriptEngine,
-        sources: &Sources,
-        arena: &'g Rc<Arena>,
-        function: &str,
-        arguments: &[Expr<'g>],
-        params: &Map,
-    ) -> Result<Option<Expr<'g>>, Diagnostic> {
-        if !self.has_function(function, arguments.len() + 1) {
-            return Ok(None);
-        }
-        engine.tracer.start(arena, sources, self.text);
-        let narrow = |e: &Expr<'g>| if self.state == StateWidth::Three && e.ty().width == 4 { e.xyz() } else { *e };
-        let mut args: Vec<Dynamic> = arguments.iter().map(|e| Dynamic::from(Symbol::new(arena, narrow(e)))).collect();
-        args.push(Dynamic::from(params.clone()));
-        let result = engine.call(sources, self.text, &self.ast, function, args)?;
-        let number = self.returned(sources, arena, &result, Type::F, function);
-        arena.set_span(Span::NONE);
-        number.map(Some)
     }
 
     pub(super) fn returned<'g>(

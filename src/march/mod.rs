@@ -14,7 +14,7 @@ mod shadow;
 
 pub use beam::{beam_plan, compose_beam_march};
 pub use certified::is_undecided;
-pub use shadow::{SKIPPED, compose_shadow_march};
+pub use shadow::{SKIPPED, compose_shadow_march, shadow_plan};
 
 use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Port, Type};
@@ -166,13 +166,12 @@ pub fn compose_march(arena: &Arena, estimator: Estimator, settings: &MarchSettin
 fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     let mut function = Function::new("locate", ports());
     let ray = Inputs::new(arena);
-    let p = ray.origin + ray.direction * ray.t;
+    let stretch = settings.certified.then(|| certified::Stretch::new(&ray, settings));
+    let at = stretch.as_ref().map_or(ray.t, |stretch| ray.t + stretch.ahead);
+    let p = ray.origin + ray.direction * at;
     function.output("p", p);
     function.output("d", ray.direction);
-    let h = match settings.certified {
-        true => certified::proposal(&ray, ray.hit_eps(settings) * settings.least_step),
-        false => ray.difference(settings, p),
-    };
+    let h = stretch.map_or_else(|| ray.difference(settings, p), |stretch| stretch.reach);
     function.output("h", h);
     function.output("hit_eps", ray.hit_eps(settings));
     function
@@ -193,6 +192,10 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let ray = Inputs::new(arena);
     let de = arena.input(first, Type::F);
     let inside = arena.input(first + 1, Type::B);
+    if settings.certified {
+        certified::advance(&mut function, &ray, settings, de, inside);
+        return function;
+    }
     let (zero, unknown) = (arena.f(0.0), arena.f(-1.0));
     let hit_eps = ray.hit_eps(settings);
 
@@ -203,14 +206,9 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
 
     // Marching: forward by the estimate. Bisecting: to the middle. A NaN estimate walks on. A step below the spacing of
     // numbers at t, or of no length at t = 0, would stand still: then the least step that any precision has is taken.
-    // Proofs may be shorter than the walk's steps.
     let usable = zero.le(de).select(de, zero);
     let walk = hit_eps * settings.least_step;
-    let step = match settings.certified {
-        true => certified::step(usable, walk),
-        false => (usable * settings.fudge).max(walk),
-    };
-    let wanted = ray.t + step;
+    let wanted = ray.t + (usable * settings.fudge).max(walk);
     let least = ray.t + least_gap(&ray, settings);
     let forward = wanted.le(ray.t).select(least, wanted);
     let farther = relaxed::farther(&ray, settings, walk, usable, forward);
@@ -226,11 +224,6 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let code = |status: Status| arena.f(status.code());
     let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
     let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, farther.min(ray.t_far)));
-    if settings.certified {
-        let steps = certified::Steps { walk, hit_eps, de: usable, t_outside, t_inside, hit, miss, crossed };
-        certified::advance(&mut function, &ray, &steps, status, t);
-        return function;
-    }
     // The front stays where a walk under the threshold began.
     let walking = usable.lt(hit_eps).and(ray.last_de.lt(hit_eps)).and(zero.le(ray.last_de));
     let settled = crossed.or(walking);

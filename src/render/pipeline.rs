@@ -7,7 +7,7 @@ use crate::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator}
 use crate::diag::Diagnostic;
 use crate::graph::{Camera, Look};
 use crate::kernel::Kernel;
-use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, SKIPPED, compose_march, compose_shadow_march};
+use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, SKIPPED, compose_march, compose_shadow_march, shadow_plan};
 use crate::shade::{self, CameraFrame};
 
 /// The kernels of a picture.
@@ -91,15 +91,18 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let estimator = compose_estimator(composer, choices, purpose)?;
     let radius = plan.bounding_radius;
     let sun = shade::sun_direction(look, &frame);
-    let shadow = look.shadows.then(|| {
-        let (shadow_march, skipped) = match settings.plain {
-            true => (compose_march(arena, estimator.clone(), &march), 0.0),
-            false => (compose_shadow_march(arena, estimator.clone(), &march), SKIPPED),
-        };
-        let ray = shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius, skipped);
-        (Kernel::Map(ray), Kernel::March(shadow_march))
+    let shadow_march = look.shadows.then(|| match settings.plain {
+        true => Ok(compose_march(arena, estimator.clone(), &march)),
+        false => {
+            let plan = shadow_plan(&plan);
+            let march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
+            Ok(compose_shadow_march(arena, compose_estimator(composer, &plan.choices, purpose)?, &march))
+        }
     });
-    let (shadow_ray, shadow_march) = shadow.unzip();
+    let shadow_march = shadow_march.transpose()?.map(Kernel::March);
+    let skipped = if settings.plain { 0.0 } else { SKIPPED };
+    let shadow_ray =
+        look.shadows.then(|| Kernel::Map(shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius, skipped)));
     Ok(Pipeline {
         camera,
         pixel_radius,

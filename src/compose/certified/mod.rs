@@ -363,9 +363,9 @@ impl<'a> Builder<'a> {
     fn prove(&self, s: Expr<'a>, moved: &Moved<'a>, threshold: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
         let r = moved.z.length();
-        // A segment comes nearer to the origin only by its direction's share towards it.
+        // Lengths of a segment, on both sides of its middle, change only by its direction's share towards the origin.
         let factor = moved.segment.map_or(moved.l, |(v, rho)| {
-            let towards = rho + (-v.dot(moved.z) / r).max(arena.f(0.0));
+            let towards = rho + (v.dot(moved.z) / r).abs();
             towards.lt(moved.l).select(towards, moved.l)
         });
         let proven = (r - threshold - moved.eta) / factor.max(arena.f(1e-30));
@@ -412,6 +412,7 @@ impl<'a> Context<'a, '_> {
             c: self.c,
             e_c: self.c_l * self.e0,
             v: input.segment.map(|(v, _)| v),
+            l: input.l,
             n: self.n,
         };
         let Some(rule) = step_rule(self.composer, node, inputs)? else { return Ok(input) };
@@ -428,6 +429,7 @@ impl<'a> Context<'a, '_> {
             Some(Tangent::Within(middle, radius)) => (middle, rule.stretch * rho + radius),
             // Taylor: no point is farther from the centre than l s, so l e0 bounds one of the two factors.
             Some(Tangent::Bending(along, bend)) => (along, rule.growth * rho + bend * inputs.e * input.l * 0.5),
+            Some(Tangent::Chord(middle, radius, factor)) => (middle, factor * rho + radius),
             // Worse than the factor, so it starts again.
             None => (v.lift(0.0), moved.l),
         });
@@ -438,7 +440,7 @@ impl<'a> Context<'a, '_> {
     /// growth the segment starts again, so it need not count for more.
     fn rounding_growth(&self, rule: &StepRule<'a>, inputs: &RuleInputs<'a>) -> Expr<'a> {
         match rule.tangent {
-            Some(Tangent::Within(..)) => rule.stretch,
+            Some(Tangent::Within(..) | Tangent::Chord(..)) => rule.stretch,
             Some(Tangent::Bending(_, bend)) => rule.growth + (bend * inputs.e * 0.5).min(rule.growth * KEPT),
             None => rule.growth,
         }

@@ -35,13 +35,17 @@ pub(super) enum Tangent<'g> {
     /// What it is at the centre, and how much the derivative in any direction changes at most per length of the way from
     /// there.
     Bending(Expr<'g>, Expr<'g>),
+    /// A vector, a radius and a factor: the image of z + s v + s u is within s (radius + factor |u|) of the image of z
+    /// plus s times the vector, for points that [`RuleInputs::l`] speaks of.
+    Chord(Expr<'g>, Expr<'g>, Expr<'g>),
 }
 
 impl<'g> Tangent<'g> {
-    fn parts(self) -> [Expr<'g>; 2] {
+    fn parts(self) -> Vec<Expr<'g>> {
         match self {
-            Tangent::Within(middle, radius) => [middle, radius],
-            Tangent::Bending(along, bend) => [along, bend],
+            Tangent::Within(middle, radius) => vec![middle, radius],
+            Tangent::Bending(along, bend) => vec![along, bend],
+            Tangent::Chord(middle, radius, factor) => vec![middle, radius, factor],
         }
     }
 }
@@ -58,6 +62,8 @@ pub(super) struct RuleInputs<'g> {
     pub(super) e_c: Expr<'g>,
     /// Direction whose derivatives are wanted.
     pub(super) v: Option<Expr<'g>>,
+    /// Points at s of the start lie within l s of the centre, and within e.
+    pub(super) l: Expr<'g>,
     /// Number of the iteration.
     pub(super) n: Expr<'g>,
 }
@@ -85,13 +91,15 @@ pub(super) fn step_rule<'a>(
         c,
         e_c: input(3, number),
         v: inputs.v.map(|_| input(4, wide)),
+        l: input(5, number),
         n: inputs.n,
     };
     let map = super::super::orbit::param_map(composer, step, params, inputs.n);
     let rule = Tracer { composer, step, map: &map, inputs: symbols }
         .rule()
         .map_err(|error| error.label(place.span, format!("used by the node `{}`", place.name)))?;
-    let mut places = vec![(symbols.z, inputs.z), (symbols.e, inputs.e), (symbols.e_c, inputs.e_c)];
+    let mut places =
+        vec![(symbols.z, inputs.z), (symbols.e, inputs.e), (symbols.e_c, inputs.e_c), (symbols.l, inputs.l)];
     if inputs.c.as_constant().is_none() {
         places.push((symbols.c, inputs.c));
     }
@@ -109,6 +117,7 @@ pub(super) fn step_rule<'a>(
         tangent: rule.tangent.map(|tangent| match tangent {
             Tangent::Within(..) => Tangent::Within(next(), next()),
             Tangent::Bending(..) => Tangent::Bending(next(), next()),
+            Tangent::Chord(..) => Tangent::Chord(next(), next(), next()),
         }),
         operations: rule.operations,
     }))
@@ -141,8 +150,15 @@ impl<'a> Tracer<'a, '_> {
     }
 
     fn tangent(&self, image: Expr<'a>, v: Expr<'a>) -> Result<Option<Tangent<'a>>, Diagnostic> {
-        let arena = self.composer.arena;
-        let along = Differentiator::new(arena, &[(self.inputs.z, v)]).derivative(image);
+        let (arena, library) = (self.composer.arena, self.composer.library);
+        let RuleInputs { z, l, e, .. } = self.inputs;
+        let chord = self.step.trace_chord(&library.engine, &library.sources, arena, &[z, v, l, e], self.map)?;
+        if let Some([middle, radius]) = chord.filter(|_| self.step.scalar_rule == Some(ScalarRule::Exact))
+            && let (_, Some(factor)) = self.trace(Some(arena.f(1.0)))?
+        {
+            return Ok(Some(Tangent::Chord(middle, radius, factor)));
+        }
+        let along = Differentiator::new(arena, &[(z, v)]).derivative(image);
         if let Some(bend) = self.traced_number("bend")? {
             return Ok(Some(Tangent::Bending(along, bend)));
         }
