@@ -20,6 +20,7 @@ mod doctor;
 mod explain;
 mod list;
 mod new;
+mod notation;
 mod page;
 mod points;
 mod probe;

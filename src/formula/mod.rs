@@ -13,3 +13,4 @@ pub mod shape;
 pub mod step;
 pub mod symbolic;
 pub mod value;
+pub mod written;
