@@ -7,7 +7,7 @@ use super::random::Random;
 use super::steps::{StepCase, widths};
 use crate::expr::Arena;
 use crate::formula::library::Library;
-use crate::formula::step::Step;
+use crate::formula::step::{StateWidth, Step};
 use crate::kernel::Kernel;
 
 /// Generic points at which the Jacobian is looked at, and half the side of the box that they lie in.
@@ -22,7 +22,7 @@ const EQUAL: f64 = 1e-6;
 /// A four-component step is measured in four dimensions, one for any number in three. Steps that cannot be differentiated
 /// or traced are not conformal.
 pub fn is_conformal(library: &Library, step: &Step) -> bool {
-    if !step.differentiable {
+    if !step.differentiable || step.state == StateWidth::Embeds {
         return false;
     }
     let backends = Backends::cpu_only();

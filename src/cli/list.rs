@@ -228,6 +228,7 @@ fn step_entry(session: &Session, step: &Step, deep: bool, known: &mut BTreeMap<S
         dimensions: match step.state {
             StateWidth::Three => vec![3],
             StateWidth::Four => vec![4],
+            StateWidth::Embeds => vec![4],
             StateWidth::Any => vec![3, 4],
         },
         ..Properties::default()
@@ -268,15 +269,16 @@ fn fractal_properties(session: &Session, graph: &ValidGraph, known: &mut BTreeMa
     for node in &graph.nodes {
         match &node.kind {
             NodeKind::Step { step, .. } => steps.push(step),
-            NodeKind::Orbit { of, .. } => roots.push(*of),
+            NodeKind::Orbit { of, settings } => roots.push((*of, settings)),
             _ => {}
         }
     }
     Some(Properties {
         conformal: !steps.is_empty() && steps.iter().all(|step| conformal(session, step, known)),
         differentiable: steps.iter().all(|step| step.differentiable),
-        exact: !roots.is_empty() && roots.iter().all(|root| scalar_rules(&composer, *root) == Some(ScalarRule::Exact)),
-        dimensions: vec![roots.iter().map(|root| graph.state_width(*root)).max().unwrap_or(3)],
+        exact: !roots.is_empty()
+            && roots.iter().all(|(root, _)| scalar_rules(&composer, *root) == Some(ScalarRule::Exact)),
+        dimensions: vec![roots.iter().map(|(root, settings)| graph.state_width(*root, settings)).max().unwrap_or(3)],
         estimates: plan.applicable().iter().map(|method| method.name()).collect(),
         chosen: plan.choices.iter().map(|choice| choice.method.name()).collect(),
     })
