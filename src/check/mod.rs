@@ -27,6 +27,7 @@ mod report;
 mod runner;
 mod steps;
 mod subject;
+mod traits;
 pub mod truth;
 
 pub use backends::{Backends, Target};
@@ -35,3 +36,4 @@ pub use random::Random;
 pub use report::{Outcome, Report, Verdict};
 pub use runner::{Options, agreement, check_calibration, run_graph, run_paths, run_paths_with};
 pub use subject::Subject;
+pub use traits::is_conformal;

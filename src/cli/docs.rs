@@ -1,18 +1,20 @@
-//! `bulbfold docs`: the reference of steps and operators, from their files and the operator table.
+//! `bulbfold docs`: the reference of steps, fractals and operators, from their files and the operator table.
 
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bulbfold::expr::ops::Operator;
+use bulbfold::formula::embedded;
 use bulbfold::formula::step::Step;
 use bulbfold::formula::symbolic::FUNCTIONS;
+use bulbfold::graph::{NodeKind, ValidGraph};
 use clap::Args;
 
-use super::explain::step_page;
+use super::explain::{credit, params_table, presets_table, step_page};
 use super::page::{Block, markdown};
 use super::session::write_file;
-use super::{Outcome, Session, usage};
+use super::{Failure, Outcome, Session, usage};
 
 /// Arguments of `docs`.
 #[derive(Args, Debug)]
@@ -21,7 +23,7 @@ Examples:
   bulbfold docs -o docs
   bulbfold docs -o my_docs --steps my_steps")]
 pub struct Arguments {
-    /// Folder for steps.md and operators.md
+    /// Folder for steps.md, fractals.md and operators.md; pictures are looked for in its folder thumbnails
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
 }
@@ -32,7 +34,14 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     if !folder.is_dir() {
         return Err(usage(format!("there is no folder {}", folder.display()), "create it first"));
     }
-    for (name, text) in [("steps.md", steps_page(session)), ("operators.md", operators_page())] {
+    let pictures = folder.join("thumbnails");
+    let fractals = Fractals::of(session)?;
+    let pages = [
+        ("steps.md", steps_page(session, &fractals, &pictures)),
+        ("fractals.md", fractals.page(&pictures)),
+        ("operators.md", operators_page()),
+    ];
+    for (name, text) in pages {
         let path = folder.join(name);
         write_file(&path, &text)?;
         writeln!(out, "{}", path.display())?;
@@ -41,17 +50,21 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 }
 
 /// The reference of all steps, by group.
-fn steps_page(session: &Session) -> String {
+fn steps_page(session: &Session, fractals: &Fractals, pictures: &Path) -> String {
     let mut groups: BTreeMap<&str, Vec<&Step>> = BTreeMap::new();
     for step in session.library.steps() {
         groups.entry(&step.group).or_default().push(step);
     }
     let note = "Made by `bulbfold docs` from the step files; change those instead of this page.";
     let mut text = markdown(&[Block::Heading(1, "Steps".into()), Block::Text(note.into())], 0);
+    let index = groups.iter().flat_map(|(group, steps)| steps.iter().map(move |step| (*group, *step)));
+    let index = index.map(|(group, step)| vec![link(&step.name), group.to_string(), step.summary.clone()]);
+    text.push_str(&markdown(&[Block::Table(vec!["Step", "Group", "What it does"], index.collect())], 0));
     for (group, steps) in groups {
         text.push_str(&markdown(&[Block::Heading(2, format!("Group: {group}"))], 0));
         for step in steps {
             text.push_str(&markdown(&step_page(session, step), 2));
+            text.push_str(&fractals.using(&step.name, pictures));
         }
     }
     trimmed(&text)
@@ -87,4 +100,98 @@ fn operators_page() -> String {
 
 fn trimmed(text: &str) -> String {
     format!("{}\n", text.trim_end())
+}
+
+/// A link to the heading of this name.
+fn link(name: &str) -> String {
+    format!("[{name}](#{name})")
+}
+
+/// The built-in fractals, by name.
+struct Fractals(Vec<(&'static str, ValidGraph)>);
+
+impl Fractals {
+    fn of(session: &mut Session) -> Result<Fractals, Failure> {
+        let names = embedded::FRACTALS.iter().map(|(name, _)| *name);
+        let graphs = names.map(|name| Ok((name, session.load(name, &[])?.graph)));
+        Ok(Fractals(graphs.collect::<Result<_, Failure>>()?))
+    }
+
+    /// The reference of all fractals: an index, then each by group.
+    fn page(&self, pictures: &Path) -> String {
+        let mut groups: BTreeMap<&str, Vec<(&str, &ValidGraph)>> = BTreeMap::new();
+        for (name, graph) in &self.0 {
+            let group = if graph.group.is_empty() { "other" } else { graph.group.as_str() };
+            groups.entry(group).or_default().push((name, graph));
+        }
+        let note = "Made by `bulbfold docs` from the fractals' files; change those instead of this page. `bulbfold render NAME` \
+                    renders one, `bulbfold explain NAME` shows its formulas.";
+        let index = groups.iter().flat_map(|(group, graphs)| graphs.iter().map(move |of| (*group, *of)));
+        let index = index.map(|(group, (name, graph))| vec![link(name), group.into(), graph.summary.clone()]);
+        let blocks = [
+            Block::Heading(1, "Fractals".into()),
+            Block::Text(note.into()),
+            Block::Table(vec!["Fractal", "Group", "What it is"], index.collect()),
+        ];
+        let mut text = markdown(&blocks, 0);
+        for (group, graphs) in groups {
+            text.push_str(&markdown(&[Block::Heading(2, format!("Group: {group}"))], 0));
+            for (name, graph) in graphs {
+                text.push_str(&entry(name, graph, pictures));
+            }
+        }
+        trimmed(&text)
+    }
+
+    /// The fractals that use a step, with the picture of the first one that has any.
+    fn using(&self, step: &str, pictures: &Path) -> String {
+        let users: Vec<&str> =
+            self.0.iter().filter(|(_, graph)| steps_of(graph).contains(&step)).map(|(name, _)| *name).collect();
+        if users.is_empty() {
+            return String::new();
+        }
+        let links: Vec<String> = users.iter().map(|name| format!("[{name}](fractals.md#{name})")).collect();
+        let picture = users.iter().map(|name| picture(name, pictures)).find(|picture| !picture.is_empty());
+        format!("{}Used by {}.\n\n", picture.unwrap_or_default(), links.join(", "))
+    }
+}
+
+/// What a fractal's file says of it.
+fn entry(name: &str, graph: &ValidGraph, pictures: &Path) -> String {
+    let mut text = markdown(&[Block::Heading(3, name.into())], 0) + picture(name, pictures).as_str();
+    let mut blocks = vec![Block::Text(graph.summary.clone())];
+    let mut origin = credit(&graph.inventor, graph.year);
+    if !graph.source.is_empty() {
+        origin = format!("{origin}. Source: {}", graph.source);
+    }
+    blocks.push(Block::Text(format!("Invented: {}.", origin.trim_end_matches('.'))));
+    blocks.extend((!graph.params.is_empty()).then(|| params_table(graph)));
+    blocks.extend((!graph.presets.is_empty()).then(|| presets_table(graph)));
+    text.push_str(&markdown(&blocks, 0));
+    let steps: Vec<String> = steps_of(graph).iter().map(|step| format!("[{step}](steps.md#{step})")).collect();
+    if !steps.is_empty() {
+        text.push_str(&format!("Steps: {}.\n\n", steps.join(", ")));
+    }
+    text
+}
+
+/// The steps that a fractal is made of, each once, in order.
+fn steps_of(graph: &ValidGraph) -> Vec<&str> {
+    let mut steps: Vec<&str> = Vec::new();
+    for node in &graph.nodes {
+        if let NodeKind::Step { step, .. } = &node.kind
+            && !steps.contains(&step.name.as_str())
+        {
+            steps.push(&step.name);
+        }
+    }
+    steps
+}
+
+/// The thumbnail of a fractal, where there is one.
+fn picture(name: &str, pictures: &Path) -> String {
+    match pictures.join(format!("{name}.jpg")).is_file() {
+        true => format!("![{name}](thumbnails/{name}.jpg)\n\n"),
+        false => String::new(),
+    }
 }

@@ -12,11 +12,13 @@ use bulbfold::formula::shape::ShapeDistance;
 use bulbfold::formula::step::{Growth, ParamKind, ParamValue, ScalarRule, StateWidth, Step, StepInputs, script_value};
 use bulbfold::graph::{EstimateSettings, ValidGraph, print as graph_print};
 use bulbfold::kernel::{Kernel, wgsl};
+use bulbfold::render::{RenderSettings, compose_pipeline};
 use bulbfold::shade;
 use clap::Args;
 
+use super::notation::Notation;
 use super::page::{Block, markdown, plain};
-use super::{Failure, Outcome, Session, usage};
+use super::{Failure, Outcome, Session, cost, usage};
 
 /// Arguments of `explain`.
 #[derive(Args, Debug)]
@@ -24,6 +26,7 @@ use super::{Failure, Outcome, Session, usage};
 Examples:
   bulbfold explain box_fold
   bulbfold explain mandelbulb
+  bulbfold explain mandelbox --latex
   bulbfold explain sphere_fold --markdown > sphere_fold.md")]
 pub struct Arguments {
     /// A step, a built-in fractal or script, or a file of one of them
@@ -31,6 +34,9 @@ pub struct Arguments {
     /// Print Markdown
     #[arg(long)]
     markdown: bool,
+    /// Write formulas as LaTeX
+    #[arg(long)]
+    latex: bool,
 }
 
 /// Runs the command.
@@ -39,6 +45,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let blocks = match find_step(session, name)? {
         Some(step) => {
             let mut blocks = step_page(session, &step);
+            blocks.extend(Notation { session, latex: arguments.latex }.step(&step)?);
             blocks.extend(code_blocks(session, &step)?);
             blocks
         }
@@ -53,7 +60,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
                 return Err(usage(format!("there is no step, fractal or file `{name}`"), &help));
             }
             let graph = session.load(name, &[])?.graph;
-            fractal_page(session, &graph)?
+            fractal_page(session, &graph, arguments.latex)?
         }
     };
     let text = if arguments.markdown { markdown(&blocks, 0) } else { plain(&blocks) };
@@ -132,7 +139,7 @@ pub fn step_page(session: &Session, step: &Step) -> Vec<Block> {
 }
 
 /// Inventor and year, as far as they are known.
-fn credit(inventor: &str, year: Option<u32>) -> String {
+pub fn credit(inventor: &str, year: Option<u32>) -> String {
     let year = year.map(|year| year.to_string());
     let known: Vec<&str> = [Some(inventor), year.as_deref()].into_iter().flatten().filter(|s| !s.is_empty()).collect();
     if known.is_empty() { "unknown".into() } else { known.join(", ") }
@@ -155,7 +162,7 @@ fn param_row(param: &bulbfold::formula::step::StepParam) -> Vec<String> {
     vec![param.name.clone(), kind, value_text(&param.default), range, param.unit.clone(), param.help.clone()]
 }
 
-fn value_text(value: &ParamValue) -> String {
+pub fn value_text(value: &ParamValue) -> String {
     match value {
         ParamValue::Number(x) => x.to_string(),
         ParamValue::Bool(b) => b.to_string(),
@@ -221,7 +228,7 @@ fn code_of(session: &Session, step: &Step, arena: &Arena, function: Function) ->
     ]
 }
 
-fn fractal_page(session: &Session, graph: &ValidGraph) -> Result<Vec<Block>, Failure> {
+fn fractal_page(session: &Session, graph: &ValidGraph, latex: bool) -> Result<Vec<Block>, Failure> {
     let arena = Rc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph };
     let plan = choose(&composer, &EstimateSettings::default()).map_err(|diagnostic| session.failure(diagnostic))?;
@@ -232,34 +239,24 @@ fn fractal_page(session: &Session, graph: &ValidGraph) -> Result<Vec<Block>, Fai
         blocks.extend((!text.is_empty()).then(|| Block::Text(format!("{name}: {text}"))));
     }
     if !graph.params.is_empty() {
-        blocks.push(Block::Heading(2, "Parameters".into()));
-        let rows = graph.params.iter().map(|p| {
-            vec![
-                p.name.clone(),
-                p.default.to_string(),
-                format!("{} to {}", p.min, p.max),
-                p.unit.clone(),
-                p.help.clone(),
-            ]
-        });
-        blocks.push(Block::Table(vec!["Name", "Default", "Range", "Unit", "Meaning"], rows.collect()));
+        blocks.extend([Block::Heading(2, "Parameters".into()), params_table(graph)]);
     }
     if !graph.presets.is_empty() {
-        blocks.push(Block::Heading(2, "Presets".into()));
-        let rows = graph.presets.iter().map(|preset| {
-            let changes = preset.changes.iter().map(|change| format!("{}: {}", change.path, change.value.kind));
-            vec![preset.name.clone(), preset.help.clone(), changes.collect::<Vec<_>>().join(", ")]
-        });
-        blocks.push(Block::Table(vec!["Name", "What it shows", "Values"], rows.collect()));
+        blocks.extend([Block::Heading(2, "Presets".into()), presets_table(graph)]);
     }
     blocks.push(Block::Heading(2, "Graph".into()));
     blocks.push(Block::Code("text", graph_print::listing(graph)));
+    blocks.extend(Notation { session, latex }.fractal(&composer)?);
     blocks.push(Block::Heading(2, "Distance estimate".into()));
     let rows = plan.choices.iter().map(|c| {
         let applicable: Vec<&str> = c.applicable.iter().map(|m| m.name()).collect();
         vec![c.method.name().into(), c.form.name().into(), number(c.radius), applicable.join(", "), c.reason.clone()]
     });
     blocks.push(Block::Table(vec!["Method", "Form", "Radius", "Applicable", "Reason"], rows.collect()));
+    let pipeline = compose_pipeline(&composer, &RenderSettings::default());
+    let pipeline = pipeline.map_err(|diagnostic| session.failure(diagnostic))?;
+    let table = cost::table(&composer, &pipeline).map_err(|diagnostic| session.failure(diagnostic))?;
+    blocks.extend([Block::Heading(2, "Cost".into()), Block::Code("text", table)]);
     blocks.push(Block::Heading(2, "Camera".into()));
     let camera = graph.camera.unwrap_or_else(|| shade::frame_automatically(plan.bounding_radius));
     blocks.push(Block::Text(format!(
@@ -270,5 +267,25 @@ fn fractal_page(session: &Session, graph: &ValidGraph) -> Result<Vec<Block>, Fai
         (camera.fov.to_degrees() * 1e4).round() / 1e4,
         (plan.bounding_radius * 1e4).round() / 1e4,
     )));
+    let picture = format!("docs/thumbnails/{}.jpg", graph.name);
+    blocks.extend([Block::Heading(2, "Picture".into()), Block::Text(picture)]);
     Ok(blocks)
+}
+
+/// The parameters of a fractal.
+pub fn params_table(graph: &ValidGraph) -> Block {
+    let rows = graph.params.iter().map(|p| {
+        let range = format!("{} to {}", p.min, p.max);
+        vec![p.name.clone(), p.default.to_string(), range, p.unit.clone(), p.help.clone()]
+    });
+    Block::Table(vec!["Name", "Default", "Range", "Unit", "Meaning"], rows.collect())
+}
+
+/// The presets of a fractal, with the values that they set.
+pub fn presets_table(graph: &ValidGraph) -> Block {
+    let rows = graph.presets.iter().map(|preset| {
+        let changes = preset.changes.iter().map(|change| format!("{}: {}", change.path, change.value.kind));
+        vec![preset.name.clone(), preset.help.clone(), changes.collect::<Vec<_>>().join(", ")]
+    });
+    Block::Table(vec!["Preset", "What it shows", "Values"], rows.collect())
 }

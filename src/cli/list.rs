@@ -1,15 +1,25 @@
-//! `bulbfold list`: steps by group, fractals and scripts, with a line each.
+//! `bulbfold list`: steps, fractals and scripts by group, and the search for those with some properties.
+//!
+//! Properties come from the files and graphs themselves: what keeps angles is measured, what estimates apply is asked of
+//! the composer.
 
 use std::collections::BTreeMap;
 use std::io::Write;
+use std::rc::Rc;
 
-use bulbfold::diag::Diagnostics;
+use bulbfold::check::is_conformal;
+use bulbfold::compose::{Composer, choose, scalar_rules};
+use bulbfold::diag::{Diagnostics, nearest};
+use bulbfold::expr::Arena;
 use bulbfold::formula::embedded;
+use bulbfold::formula::step::{ScalarRule, StateWidth, Step};
+use bulbfold::graph::{EstimateSettings, NodeKind, ValidGraph};
 use bulbfold::load::load;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::{Outcome, Session, usage};
+use super::arguments::DeArg;
+use super::{Failure, Outcome, Session, usage};
 
 /// Arguments of `list`.
 #[derive(Args, Debug)]
@@ -17,13 +27,45 @@ use super::{Outcome, Session, usage};
 Examples:
   bulbfold list
   bulbfold list fold --only steps
-  bulbfold list --steps my_steps --json")]
+  bulbfold list --group bulbs --years 2009..2012
+  bulbfold list --only steps --conformal --json
+  bulbfold list --only fractals --estimate gradient --dimension 4
+
+All conditions must hold. --conformal takes steps whose Jacobian, with default parameters, is measured to be a multiple
+of an orthogonal matrix, and fractals all of whose steps are such.")]
 pub struct Arguments {
-    /// Only what has this in its name, group or summary
+    /// Only what has this in its name, group, summary or inventor
     filter: Option<String>,
     /// Only one kind
     #[arg(long, value_enum)]
     only: Option<Kind>,
+    /// Only this group, such as bulbs or fold
+    #[arg(long, value_name = "GROUP")]
+    group: Option<String>,
+    /// Only those whose inventor has this in the name
+    #[arg(long, value_name = "TEXT")]
+    inventor: Option<String>,
+    /// Only those of these years, such as 2009..2012 or 2010
+    #[arg(long, value_name = "FROM..TO", value_parser = parse_years)]
+    years: Option<(u32, u32)>,
+    /// Only what keeps angles (measured)
+    #[arg(long)]
+    conformal: bool,
+    /// Only what can be differentiated
+    #[arg(long)]
+    differentiable: bool,
+    /// Only what has an exact scalar rule in all its steps
+    #[arg(long)]
+    exact: bool,
+    /// Only fractals to which this estimate applies; `auto` takes all
+    #[arg(long, value_enum, value_name = "METHOD")]
+    estimate: Option<DeArg>,
+    /// Only fractals for which this estimate is chosen by rules
+    #[arg(long, value_enum, value_name = "METHOD")]
+    chosen: Option<DeArg>,
+    /// Only what has so many components of state: 3 or 4
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(3..=4))]
+    dimension: Option<u8>,
     /// Print one JSON object
     #[arg(long)]
     json: bool,
@@ -40,79 +82,257 @@ enum Kind {
     Scripts,
 }
 
-/// Heading and entries (name and summary) of a part of the list.
-type Part = (String, Vec<(String, String)>);
+/// A step, fractal or script with what is known of it.
+struct Entry {
+    kind: Kind,
+    name: String,
+    group: String,
+    summary: String,
+    inventor: String,
+    year: Option<u32>,
+    properties: Option<Properties>,
+}
+
+/// What is found out of a step or fractal, once.
+#[derive(Clone, Default)]
+struct Properties {
+    conformal: bool,
+    differentiable: bool,
+    exact: bool,
+    /// Components that it can have.
+    dimensions: Vec<u8>,
+    /// Estimates that apply; those of fractals.
+    estimates: Vec<&'static str>,
+    /// Estimates that rules choose.
+    chosen: Vec<&'static str>,
+}
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    let wanted = |kind: Kind| arguments.only.is_none_or(|only| only == kind);
-    let filter = arguments.filter.as_deref().unwrap_or("").to_lowercase();
-    let matching = |parts: Vec<Part>| -> Vec<Part> {
-        let keep = |heading: &str, (name, summary): &(String, String)| {
-            [heading, name, summary].iter().any(|text| text.to_lowercase().contains(&filter))
-        };
-        let parts = parts.into_iter().map(|(heading, entries)| {
-            let entries = entries.into_iter().filter(|entry| keep(&heading, entry)).collect();
-            (heading, entries)
-        });
-        parts.filter(|(_, entries): &Part| !entries.is_empty()).collect()
-    };
-    let steps = if wanted(Kind::Steps) { matching(steps(session)) } else { Vec::new() };
-    let fractals = if wanted(Kind::Fractals) { matching(vec![fractals(session)]) } else { Vec::new() };
-    let scripts = if wanted(Kind::Scripts) { matching(vec![scripts()]) } else { Vec::new() };
+    let all = entries(arguments, session);
+    check_group(arguments, &all)?;
+    let entries: Vec<&Entry> = all.iter().filter(|entry| arguments.takes(entry)).collect();
     if arguments.json {
-        writeln!(out, "{}", to_json(&steps, &fractals, &scripts))?;
+        writeln!(out, "{}", to_json(&entries))?;
         return Ok(());
     }
-    let parts: Vec<Part> = steps.into_iter().chain(fractals).chain(scripts).collect();
-    if parts.is_empty() {
-        return Err(usage(format!("nothing matches `{filter}`"), "`bulbfold list` shows everything"));
+    if entries.is_empty() {
+        let what = arguments.filter.as_ref().map_or("all these conditions".into(), |filter| format!("`{filter}`"));
+        return Err(usage(format!("nothing matches {what}"), "`bulbfold list` shows everything"));
     }
-    let width = parts.iter().flat_map(|(_, entries)| entries).map(|(name, _)| name.len()).max().unwrap_or(0);
-    for (i, (heading, entries)) in parts.iter().enumerate() {
+    print(&entries, out)
+}
+
+impl Arguments {
+    /// Whether any condition asks for what has to be found out of graphs and steps.
+    fn asks_properties(&self) -> bool {
+        self.conformal
+            || self.differentiable
+            || self.exact
+            || self.estimate.is_some()
+            || self.chosen.is_some()
+            || self.dimension.is_some()
+    }
+
+    fn takes(&self, entry: &Entry) -> bool {
+        let has = |text: &str, part: &str| text.to_lowercase().contains(&part.to_lowercase());
+        let texts = [&entry.name, &entry.group, &entry.summary, &entry.inventor];
+        let plain = self.filter.as_ref().is_none_or(|filter| texts.iter().any(|text| has(text, filter)))
+            && self.group.as_ref().is_none_or(|group| entry.group.eq_ignore_ascii_case(group))
+            && self.inventor.as_ref().is_none_or(|inventor| has(&entry.inventor, inventor))
+            && self.years.is_none_or(|(from, to)| entry.year.is_some_and(|year| (from..=to).contains(&year)));
+        if !plain || !self.asks_properties() {
+            return plain;
+        }
+        let Some(properties) = &entry.properties else { return false };
+        let named = |asked: Option<DeArg>, known: &[&str]| match asked {
+            Some(DeArg(Some(method))) => known.contains(&method.name()),
+            _ => true,
+        };
+        (!self.conformal || properties.conformal)
+            && (!self.differentiable || properties.differentiable)
+            && (!self.exact || properties.exact)
+            && self.dimension.is_none_or(|n| properties.dimensions.contains(&n))
+            && named(self.estimate, &properties.estimates)
+            && named(self.chosen, &properties.chosen)
+    }
+}
+
+/// Reads `2009..2012` or one year.
+fn parse_years(text: &str) -> Result<(u32, u32), String> {
+    let year =
+        |text: &str| text.trim().parse::<u32>().map_err(|_| "write years such as 2009..2012 or 2010".to_string());
+    let (from, to) = text.split_once("..").unwrap_or((text, text));
+    match (year(from)?, year(to)?) {
+        (from, to) if from <= to => Ok((from, to)),
+        (from, to) => Err(format!("{from} comes after {to}")),
+    }
+}
+
+/// A group that nothing is in is a mistake, told with the closest one.
+fn check_group(arguments: &Arguments, all: &[Entry]) -> Result<(), Failure> {
+    let Some(group) = &arguments.group else { return Ok(()) };
+    let mut groups: Vec<&str> =
+        all.iter().map(|entry| entry.group.as_str()).filter(|group| !group.is_empty()).collect();
+    groups.sort_unstable();
+    groups.dedup();
+    if groups.iter().any(|known| known.eq_ignore_ascii_case(group)) {
+        return Ok(());
+    }
+    let help = match nearest(group, groups.iter().copied()) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!("the groups are: {}", groups.join(", ")),
+    };
+    Err(usage(format!("there is no group `{group}`"), &help))
+}
+
+fn entries(arguments: &Arguments, session: &mut Session) -> Vec<Entry> {
+    let wanted = |kind: Kind| arguments.only.is_none_or(|only| only == kind);
+    let deep = arguments.json || arguments.asks_properties();
+    let mut conformal: BTreeMap<String, bool> = BTreeMap::new();
+    let mut entries = Vec::new();
+    if wanted(Kind::Steps) {
+        for step in session.library.steps() {
+            entries.push(step_entry(session, step, deep, &mut conformal));
+        }
+    }
+    if wanted(Kind::Fractals) {
+        for (name, _) in embedded::FRACTALS {
+            entries.push(fractal_entry(session, name, deep, &mut conformal));
+        }
+    }
+    if wanted(Kind::Scripts) {
+        entries.extend(embedded::SCRIPTS.iter().map(|(name, text)| Entry {
+            kind: Kind::Scripts,
+            name: name.to_string(),
+            group: String::new(),
+            summary: script_summary(text),
+            inventor: String::new(),
+            year: None,
+            properties: None,
+        }));
+    }
+    entries
+}
+
+/// Whether a step is conformal, measured once.
+fn conformal(session: &Session, step: &Step, known: &mut BTreeMap<String, bool>) -> bool {
+    *known.entry(step.name.clone()).or_insert_with(|| is_conformal(&session.library, step))
+}
+
+fn step_entry(session: &Session, step: &Step, deep: bool, known: &mut BTreeMap<String, bool>) -> Entry {
+    let properties = deep.then(|| Properties {
+        conformal: conformal(session, step, known),
+        differentiable: step.differentiable,
+        exact: step.scalar_rule == Some(ScalarRule::Exact),
+        dimensions: match step.state {
+            StateWidth::Three => vec![3],
+            StateWidth::Four => vec![4],
+            StateWidth::Embeds => vec![4],
+            StateWidth::Any => vec![3, 4],
+        },
+        ..Properties::default()
+    });
+    Entry {
+        kind: Kind::Steps,
+        name: step.name.clone(),
+        group: step.group.clone(),
+        summary: step.summary.clone(),
+        inventor: step.inventor.clone(),
+        year: step.year,
+        properties,
+    }
+}
+
+fn fractal_entry(session: &mut Session, name: &str, deep: bool, known: &mut BTreeMap<String, bool>) -> Entry {
+    let mut d = Diagnostics::default();
+    let graph = load(&mut session.library, name, &[], &mut d).map(|loaded| loaded.graph);
+    let properties = graph.as_ref().filter(|_| deep).and_then(|graph| fractal_properties(session, graph, known));
+    let of = |text: fn(&ValidGraph) -> &str| graph.as_ref().map_or("", text).to_string();
+    Entry {
+        kind: Kind::Fractals,
+        name: name.to_string(),
+        group: of(|graph| &graph.group),
+        summary: graph.as_ref().map_or("(broken)", |graph| &graph.summary).to_string(),
+        inventor: of(|graph| &graph.inventor),
+        year: graph.as_ref().and_then(|graph| graph.year),
+        properties,
+    }
+}
+
+fn fractal_properties(session: &Session, graph: &ValidGraph, known: &mut BTreeMap<String, bool>) -> Option<Properties> {
+    let arena = Rc::new(Arena::default());
+    let composer = Composer { arena: &arena, library: &session.library, graph };
+    let plan = choose(&composer, &EstimateSettings::default()).ok()?;
+    let mut steps: Vec<&Step> = Vec::new();
+    let mut roots = Vec::new();
+    for node in &graph.nodes {
+        match &node.kind {
+            NodeKind::Step { step, .. } => steps.push(step),
+            NodeKind::Orbit { of, settings } => roots.push((*of, settings)),
+            _ => {}
+        }
+    }
+    Some(Properties {
+        conformal: !steps.is_empty() && steps.iter().all(|step| conformal(session, step, known)),
+        differentiable: steps.iter().all(|step| step.differentiable),
+        exact: !roots.is_empty()
+            && roots.iter().all(|(root, _)| scalar_rules(&composer, *root) == Some(ScalarRule::Exact)),
+        dimensions: vec![roots.iter().map(|(root, settings)| graph.state_width(*root, settings)).max().unwrap_or(3)],
+        estimates: plan.applicable().iter().map(|method| method.name()).collect(),
+        chosen: plan.choices.iter().map(|choice| choice.method.name()).collect(),
+    })
+}
+
+fn print(entries: &[&Entry], out: &mut dyn Write) -> Outcome {
+    let mut parts: BTreeMap<(u8, String), Vec<&Entry>> = BTreeMap::new();
+    for entry in entries {
+        let (order, kind) = match entry.kind {
+            Kind::Steps => (0, "steps"),
+            Kind::Fractals => (1, "fractals"),
+            Kind::Scripts => (2, "scripts"),
+        };
+        let heading = if entry.group.is_empty() { kind.into() } else { format!("{kind}: {}", entry.group) };
+        parts.entry((order, heading)).or_default().push(entry);
+    }
+    let width = entries.iter().map(|entry| entry.name.len()).max().unwrap_or(0);
+    for (i, ((_, heading), entries)) in parts.iter().enumerate() {
         writeln!(out, "{}{heading}", if i > 0 { "\n" } else { "" })?;
-        for (name, summary) in entries {
-            writeln!(out, "  {name:<width$}  {summary}")?;
+        for entry in entries {
+            writeln!(out, "  {:<width$}  {}", entry.name, entry.summary)?;
         }
     }
     Ok(())
 }
 
-fn to_json(steps: &[Part], fractals: &[Part], scripts: &[Part]) -> Value {
-    let steps = steps.iter().flat_map(|(heading, entries)| {
-        let group = heading.strip_prefix("steps: ").unwrap_or(heading);
-        entries.iter().map(move |(name, summary)| json!({"name": name, "group": group, "summary": summary}))
-    });
-    let plain = |parts: &[Part]| -> Vec<Value> {
-        let entries = parts.iter().flat_map(|(_, entries)| entries);
-        entries.map(|(name, summary)| json!({"name": name, "summary": summary})).collect()
+fn to_json(entries: &[&Entry]) -> Value {
+    let of = |kind: Kind| -> Vec<Value> {
+        entries.iter().filter(|entry| entry.kind == kind).map(|entry| entry_json(entry)).collect()
     };
     json!({
-        "version": 1, "steps": steps.collect::<Vec<_>>(), "fractals": plain(fractals), "scripts": plain(scripts),
+        "version": 1, "steps": of(Kind::Steps), "fractals": of(Kind::Fractals), "scripts": of(Kind::Scripts),
     })
 }
 
-fn steps(session: &Session) -> Vec<Part> {
-    let mut groups: BTreeMap<&str, Vec<(String, String)>> = BTreeMap::new();
-    for step in session.library.steps() {
-        groups.entry(&step.group).or_default().push((step.name.clone(), step.summary.clone()));
+fn entry_json(entry: &Entry) -> Value {
+    let mut value = json!({"name": entry.name, "summary": entry.summary});
+    if entry.kind == Kind::Scripts {
+        return value;
     }
-    groups.into_iter().map(|(group, steps)| (format!("steps: {group}"), steps)).collect()
-}
-
-fn fractals(session: &mut Session) -> Part {
-    let mut entries = Vec::new();
-    for (name, _) in embedded::FRACTALS {
-        let mut d = Diagnostics::default();
-        let summary = load(&mut session.library, name, &[], &mut d).map(|loaded| loaded.graph.summary.clone());
-        entries.push((name.to_string(), summary.unwrap_or_else(|| "(broken)".into())));
+    value["group"] = json!(entry.group);
+    value["inventor"] = json!(entry.inventor);
+    value["year"] = json!(entry.year);
+    if let Some(properties) = &entry.properties {
+        value["conformal"] = json!(properties.conformal);
+        value["differentiable"] = json!(properties.differentiable);
+        value["exact_scalar_rule"] = json!(properties.exact);
+        value["dimensions"] = json!(properties.dimensions);
+        if entry.kind == Kind::Fractals {
+            value["estimates"] = json!(properties.estimates);
+            value["chosen_estimates"] = json!(properties.chosen);
+        }
     }
-    ("fractals".into(), entries)
-}
-
-fn scripts() -> Part {
-    let entries = embedded::SCRIPTS.iter().map(|(name, text)| (name.to_string(), script_summary(text)));
-    ("scripts".into(), entries.collect())
+    value
 }
 
 /// The first comment of a script, as far as its first sentence goes.

@@ -27,6 +27,7 @@ mod gallery_page;
 mod import;
 mod list;
 mod new;
+mod notation;
 mod page;
 mod points;
 mod probe;

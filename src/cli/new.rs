@@ -3,6 +3,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use bulbfold::diag::nearest;
+use bulbfold::formula::embedded;
 use clap::Args;
 
 use super::session::{check_output, talk};
@@ -13,6 +15,7 @@ use super::{Failure, Outcome, message, usage};
 #[command(after_help = "\
 Examples:
   bulbfold new flower && bulbfold render flower.ron
+  bulbfold new my_box --from mandelbox
   bulbfold new my_fold --step -o my_steps/my_fold.rhai")]
 pub struct Arguments {
     /// Name: letters, digits and _, not starting with a digit
@@ -20,6 +23,9 @@ pub struct Arguments {
     /// Write a step instead of a fractal
     #[arg(long)]
     step: bool,
+    /// Start from a copy of this built-in step or fractal
+    #[arg(long, value_name = "NAME", conflicts_with = "step")]
+    from: Option<String>,
     /// The file to write [default: NAME.ron, or NAME.rhai for a step]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -38,7 +44,12 @@ pub fn run(arguments: &Arguments) -> Outcome {
         let help = "use letters, digits and _, and do not start with a digit; -o takes any path";
         return Err(usage(format!("`{name}` cannot be the name of a formula"), help));
     }
-    let (template, extension) = if arguments.step { (STEP, "rhai") } else { (FRACTAL, "ron") };
+    let template = match &arguments.from {
+        Some(from) => copied(from)?,
+        None if arguments.step => Template { text: STEP.into(), extension: "rhai", is_step: true },
+        None => Template { text: FRACTAL.into(), extension: "ron", is_step: false },
+    };
+    let extension = template.extension;
     let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.{extension}")));
     if path.exists() {
         return Err(usage(
@@ -48,14 +59,45 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     check_output(&path, Some(extension))?;
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-    let text = template.replace("NAME", if arguments.step { &stem } else { name });
+    let text = match &arguments.from {
+        Some(_) => template.text,
+        None => template.text.replace("NAME", if arguments.step { &stem } else { name }),
+    };
     let file = std::fs::OpenOptions::new().write(true).create_new(true).open(&path);
     let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
     written.map_err(|error| Failure::Work(message(&format!("cannot write {}: {error}", path.display()), "")))?;
     let shown = path.display();
-    talk(&match arguments.step {
+    talk(&match template.is_step {
         false => format!("wrote {shown}; next: bulbfold render {shown}"),
-        true => format!("wrote {shown}; formulas beside it can use `{stem}(amount: 1.0)`, others with --steps FOLDER"),
+        true => format!("wrote {shown}; formulas beside it can use `{stem}()`, others with --steps FOLDER"),
     });
     Ok(())
+}
+
+/// What a new file starts from.
+struct Template {
+    text: String,
+    extension: &'static str,
+    is_step: bool,
+}
+
+/// The text of a built-in step, fractal or script, with its origin in the first line.
+fn copied(from: &str) -> Result<Template, Failure> {
+    let kinds = [
+        (embedded::STEPS, "step", "rhai"),
+        (embedded::FRACTALS, "fractal", "ron"),
+        (embedded::SCRIPTS, "script", "rhai"),
+    ];
+    for (files, kind, extension) in kinds {
+        if let Some((_, text)) = files.iter().find(|(name, _)| *name == from) {
+            let credit = format!("// Made from the {kind} `{from}` of Bulbfold {}.\n", env!("CARGO_PKG_VERSION"));
+            return Ok(Template { text: format!("{credit}//\n{text}"), extension, is_step: kind == "step" });
+        }
+    }
+    let names = kinds.iter().flat_map(|(files, ..)| files.iter()).map(|(name, _)| *name);
+    let help = match nearest(from, names) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => "`bulbfold list` shows all names".into(),
+    };
+    Err(usage(format!("there is no built-in step or fractal `{from}`"), &help))
 }

@@ -19,6 +19,7 @@ pub mod differentiate;
 pub mod enclose;
 mod function;
 mod linear;
+pub mod notation;
 pub mod ops;
 pub mod print;
 mod simplify;

@@ -1,6 +1,6 @@
 //! The operator table: one row an operator, and the only place that knows operators by name.
 //!
-//! A row holds the operator's WGSL spelling, help, evaluation (once, generic over [`Real`]) and derivative rule (made of
+//! A row holds the operator's WGSL spelling, notation, help, evaluation (once, generic over [`Real`]) and derivative rule (made of
 //! other operators). All operators here are *componentwise*: they take one to three arguments of one width and give a
 //! result of that width. Booleans are evaluated as 1 and 0. [`execute`] is the interpreter's dispatch, made from the
 //! same rows.
@@ -21,6 +21,12 @@ pub struct Info {
     pub bool_result: bool,
     /// WGSL text with `{0}`, `{1}`, `{2}` for the arguments and `{t}` for the type in a helper's name.
     pub wgsl: &'static str,
+    /// How tightly its notation binds: 8 stands alone, then powers, products, quotients, sums, comparisons, `and`, `or`.
+    pub level: u8,
+    /// Notation in plain text; `#0.4` is the first argument, in brackets where it binds less than 4.
+    pub plain: &'static str,
+    /// Notation in LaTeX, in the same form.
+    pub latex: &'static str,
     /// One sentence for the reference.
     pub help: &'static str,
     /// False where the value jumps: derivative checks and continuity reports skip those places only.
@@ -119,6 +125,7 @@ macro_rules! operators {
     ($(
         $variant:ident $name:literal ($($arg:ident),+) bools($bools:literal, $bool_result:literal) continuous($continuous:literal)
         wgsl $wgsl:literal help $help:literal
+        notation($level:literal, $plain:literal, $latex:literal)
         evaluate($token:ident) $body:block
         derivative($x:ident, $y:ident, $d:ident) $rule:block
         enclose($b:ident) $bounds:block
@@ -144,7 +151,7 @@ macro_rules! operators {
             /// The operator's row.
             pub fn info(self) -> &'static Info {
                 match self { $( Operator::$variant => &Info {
-                    name: $name, arity: arity!($($arg),+), bool_arguments: $bools, bool_result: $bool_result,
+                    name: $name, arity: arity!($($arg),+), bool_arguments: $bools, bool_result: $bool_result, level: $level, plain: $plain, latex: $latex,
                     wgsl: $wgsl, help: $help, continuous: $continuous,
                 } ),* }
             }
@@ -216,22 +223,27 @@ fn inside_unit<'g>(x: Expr<'g>, slope: Expr<'g>) -> Expr<'g> {
 operators! {
     Neg "neg" (a) bools(0, false) continuous(true)
         wgsl "-{0}" help "The negative."
+        notation(4, "-#0.5", "-#0.5")
         evaluate(_t) { -a } derivative(x, y, d) { -d[0] }
         enclose(b) { b[0].falling(|x| -x) }
     Abs "abs" (a) bools(0, false) continuous(true)
         wgsl "abs({0})" help "The absolute value."
+        notation(8, "|#0.0|", "\\left|#0.0\\right|")
         evaluate(_t) { a.abs() } derivative(x, y, d) { x[0].lt(x[0].lift(0.0)).select(-d[0], d[0]) }
         enclose(b) { Bounds { lo: b[0].lo.max(-b[0].hi).max(b[0].lo.lift(0.0)), hi: b[0].magnitude() } }
     Sqrt "sqrt" (a) bools(0, false) continuous(true)
         wgsl "sqrt({0})" help "The square root; NaN below 0."
+        notation(8, "√(#0.0)", "\\sqrt{#0.0}")
         evaluate(_t) { a.sqrt() } derivative(x, y, d) { d[0] * 0.5 / y.max(y.lift(TINY)) }
         enclose(b) { b[0].rising(|x| x.max(x.lift(0.0)).sqrt()) }
     Floor "floor" (a) bools(0, false) continuous(false)
         wgsl "floor({0})" help "The largest whole number not above the argument."
+        notation(8, "floor(#0.0)", "\\left\\lfloor #0.0\\right\\rfloor")
         evaluate(_t) { a.floor() } derivative(x, y, d) { y.lift(0.0) }
         enclose(b) { b[0].rising(Expr::floor) }
     Sign "sign" (a) bools(0, false) continuous(false)
         wgsl "sign({0})" help "-1, 0 or 1."
+        notation(8, "sign(#0.0)", "\\operatorname{sgn}\\left(#0.0\\right)")
         evaluate(t) {
             let (zero, one) = (R::splat(t, 0.0), R::splat(t, 1.0));
             R::select(a.lt(zero), -one, R::select(zero.lt(a), one, zero))
@@ -240,44 +252,54 @@ operators! {
         enclose(b) { b[0].rising(Expr::sign) }
     Sin "sin" (a) bools(0, false) continuous(true)
         wgsl "sin({0})" help "The sine of an angle in radians."
+        notation(8, "sin(#0.0)", "\\sin\\left(#0.0\\right)")
         evaluate(_t) { a.sin_cos().0 } derivative(x, y, d) { x[0].cos() * d[0] }
         enclose(b) { b[0].wave(Expr::sin) }
     Cos "cos" (a) bools(0, false) continuous(true)
         wgsl "cos({0})" help "The cosine of an angle in radians."
+        notation(8, "cos(#0.0)", "\\cos\\left(#0.0\\right)")
         evaluate(_t) { a.sin_cos().1 } derivative(x, y, d) { -(x[0].sin() * d[0]) }
         enclose(b) { b[0].wave(Expr::cos) }
     Asin "asin" (a) bools(0, false) continuous(true)
         wgsl "bf_asin_{t}({0})" help "The inverse sine in radians; the argument is clamped to [-1, 1]."
+        notation(8, "arcsin(#0.0)", "\\arcsin\\left(#0.0\\right)")
         evaluate(t) { let one = R::splat(t, 1.0); a.max(-one).min(one).asin() }
         derivative(x, y, d) { inside_unit(x[0], d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt()) }
         enclose(b) { b[0].rising(Expr::asin) }
     Acos "acos" (a) bools(0, false) continuous(true)
         wgsl "bf_acos_{t}({0})" help "The inverse cosine in radians; the argument is clamped to [-1, 1]."
+        notation(8, "arccos(#0.0)", "\\arccos\\left(#0.0\\right)")
         evaluate(t) { let one = R::splat(t, 1.0); a.max(-one).min(one).acos() }
         derivative(x, y, d) { inside_unit(x[0], -(d[0] / (1.0 - x[0] * x[0]).max(x[0].lift(1e-12)).sqrt())) }
         enclose(b) { b[0].falling(Expr::acos) }
     Exp "exp" (a) bools(0, false) continuous(true)
         wgsl "exp({0})" help "e to the power of the argument."
+        notation(8, "exp(#0.0)", "\\exp\\left(#0.0\\right)")
         evaluate(_t) { a.exp() } derivative(x, y, d) { y * d[0] }
         enclose(b) { b[0].rising(Expr::exp) }
     Ln "ln" (a) bools(0, false) continuous(true)
         wgsl "log({0})" help "The natural logarithm; NaN below 0."
+        notation(8, "ln(#0.0)", "\\ln\\left(#0.0\\right)")
         evaluate(_t) { a.ln() } derivative(x, y, d) { d[0] / x[0] }
         enclose(b) { b[0].rising(|x| x.lift(TINY).lt(x).select(x.max(x.lift(TINY)).ln(), x.lift(-UNBOUNDED))) }
     Not "not" (a) bools(1, true) continuous(true)
         wgsl "!{0}" help "True where the argument is false."
+        notation(2, "not #0.3", "\\lnot #0.3")
         evaluate(t) { R::splat(t, 1.0) - a } derivative(x, y, d) { y }
         enclose(b) { b[0].falling(|x| !x) }
     Add "add" (a, b) bools(0, false) continuous(true)
         wgsl "{0} + {1}" help "The sum."
+        notation(4, "#0.4 + #1.4", "#0.4 + #1.4")
         evaluate(_t) { a + b } derivative(x, y, d) { d[0] + d[1] }
         enclose(b) { Bounds { lo: b[0].lo + b[1].lo, hi: b[0].hi + b[1].hi } }
     Sub "sub" (a, b) bools(0, false) continuous(true)
         wgsl "{0} - {1}" help "The difference."
+        notation(4, "#0.4 - #1.5", "#0.4 - #1.5")
         evaluate(_t) { a - b } derivative(x, y, d) { d[0] - d[1] }
         enclose(b) { Bounds { lo: b[0].lo - b[1].hi, hi: b[0].hi - b[1].lo } }
     Mul "mul" (a, b) bools(0, false) continuous(true)
         wgsl "{0} * {1}" help "The product."
+        notation(6, "#0.6 #1.6", "#0.6\\,#1.6")
         evaluate(_t) { a * b }
         derivative(x, y, d) {
             if x[0].id == x[1].id { (x[0] + x[0]) * d[0] } else { d[0] * x[1] + x[0] * d[1] }
@@ -285,23 +307,28 @@ operators! {
         enclose(b) { b[0].times(b[1]) }
     Div "div" (a, b) bools(0, false) continuous(true)
         wgsl "{0} / {1}" help "The quotient."
+        notation(5, "#0.6 / #1.7", "\\frac{#0.0}{#1.0}")
         evaluate(_t) { a / b } derivative(x, y, d) { (d[0] - y * d[1]) / x[1] }
         enclose(b) { b[0].times(b[1].reciprocal()) }
     Min "min" (a, b) bools(0, false) continuous(true)
         wgsl "min({0}, {1})" help "The smaller one."
+        notation(8, "min(#0.0, #1.0)", "\\min\\left(#0.0, #1.0\\right)")
         evaluate(_t) { a.min(b) } derivative(x, y, d) { x[1].lt(x[0]).select(d[1], d[0]) }
         enclose(b) { Bounds { lo: b[0].lo.min(b[1].lo), hi: b[0].hi.min(b[1].hi) } }
     Max "max" (a, b) bools(0, false) continuous(true)
         wgsl "max({0}, {1})" help "The larger one."
+        notation(8, "max(#0.0, #1.0)", "\\max\\left(#0.0, #1.0\\right)")
         evaluate(_t) { a.max(b) } derivative(x, y, d) { x[1].lt(x[0]).select(d[0], d[1]) } // at a tie, what `min` does not take
         enclose(b) { Bounds { lo: b[0].lo.max(b[1].lo), hi: b[0].hi.max(b[1].hi) } }
     Pow "pow" (a, b) bools(0, false) continuous(true)
         wgsl "bf_pow_{t}({0}, {1})" help "The first argument to the power of the second; NaN for a negative base."
+        notation(7, "#0.8^#1.8", "{#0.8}^{#1.0}")
         evaluate(_t) { a.pow(b) }
         derivative(x, y, d) { x[1] * x[0].pow(x[1] - 1.0) * d[0] + y * x[0].max(x[0].lift(TINY)).ln() * d[1] }
         enclose(b) { b[0].rising(|x| x.max(x.lift(TINY))).corners(b[1], Expr::pow) }
     Atan2 "atan2" (a, b) bools(0, false) continuous(false)
         wgsl "bf_atan2_{t}({0}, {1})" help "The angle in (-pi, pi] of the point whose y is the first argument and whose x is the second."
+        notation(8, "atan2(#0.0, #1.0)", "\\operatorname{atan2}\\left(#0.0, #1.0\\right)")
         evaluate(_t) { a.atan2(b) }
         derivative(x, y, d) { (x[1] * d[0] - x[0] * d[1]) / (x[0] * x[0] + x[1] * x[1]).max(x[0].lift(TINY)) }
         enclose(b) {
@@ -311,6 +338,7 @@ operators! {
         }
     Mod "mod" (a, b) bools(0, false) continuous(false)
         wgsl "bf_mod_{t}({0}, {1})" help "The remainder with the sign of the second argument."
+        notation(5, "#0.6 mod #1.7", "#0.6 \\bmod #1.7")
         evaluate(_t) { a - b * (a / b).floor() } derivative(x, y, d) { d[0] - (x[0] / x[1]).floor() * d[1] }
         enclose(b) {
             let turns = b[0].times(b[1].reciprocal()).rising(Expr::floor);
@@ -319,31 +347,38 @@ operators! {
         }
     Lt "lt" (a, b) bools(0, true) continuous(false)
         wgsl "{0} < {1}" help "True where the first argument is the smaller one."
+        notation(3, "#0.4 < #1.4", "#0.4 < #1.4")
         evaluate(t) { R::from_mask(t, a.lt(b)) } derivative(x, y, d) { y }
         enclose(b) { Bounds { lo: b[0].hi.lt(b[1].lo), hi: b[0].lo.lt(b[1].hi) } }
     Le "le" (a, b) bools(0, true) continuous(false)
         wgsl "{0} <= {1}" help "True where the first argument is not the larger one."
+        notation(3, "#0.4 ≤ #1.4", "#0.4 \\le #1.4")
         evaluate(t) { R::from_mask(t, a.le(b)) } derivative(x, y, d) { y }
         enclose(b) { Bounds { lo: b[0].hi.le(b[1].lo), hi: b[0].lo.le(b[1].hi) } }
     Eq "eq" (a, b) bools(0, true) continuous(false)
         wgsl "{0} == {1}" help "True where both are equal."
+        notation(3, "#0.4 = #1.4", "#0.4 = #1.4")
         evaluate(t) { R::from_mask(t, a.eq(b)) } derivative(x, y, d) { y }
         enclose(b) { Bounds { lo: b[0].lo.arena.bool(false), hi: b[0].lo.le(b[1].hi).and(b[1].lo.le(b[0].hi)) } }
     And "and" (a, b) bools(3, true) continuous(true)
         wgsl "{0} & {1}" help "True where both are."
+        notation(2, "#0.2 and #1.2", "#0.2 \\land #1.2")
         evaluate(_t) { a * b } derivative(x, y, d) { y }
         enclose(b) { Bounds { lo: b[0].lo.and(b[1].lo), hi: b[0].hi.and(b[1].hi) } }
     Or "or" (a, b) bools(3, true) continuous(true)
         wgsl "{0} | {1}" help "True where either is."
+        notation(1, "#0.1 or #1.1", "#0.1 \\lor #1.1")
         evaluate(_t) { a.max(b) } derivative(x, y, d) { y }
         enclose(b) { Bounds { lo: b[0].lo.or(b[1].lo), hi: b[0].hi.or(b[1].hi) } }
     Clamp "clamp" (a, b, c) bools(0, false) continuous(true)
         wgsl "min(max({0}, {1}), {2})" help "The first argument moved into the range from the second to the third."
+        notation(8, "clamp(#0.0, #1.0, #2.0)", "\\operatorname{clamp}\\left(#0.0, #1.0, #2.0\\right)")
         evaluate(_t) { a.max(b).min(c) }
         derivative(x, y, d) { x[0].lt(x[1]).select(d[1], x[2].lt(x[0]).select(d[2], d[0])) }
         enclose(b) { Bounds { lo: b[0].lo.clamp(b[1].lo, b[2].lo), hi: b[0].hi.clamp(b[1].hi, b[2].hi) } }
     Select "select" (a, b, c) bools(1, false) continuous(false)
         wgsl "select({2}, {1}, {0})" help "The second argument where the first is true, else the third."
+        notation(0, "#1.1 if #0.0, else #2.0", "#1.0 \\text{ if } #0.0 \\text{, else } #2.0")
         evaluate(_t) { R::select(a.to_mask(), b, c) } derivative(x, y, d) { x[0].select(d[1], d[2]) }
         enclose(b) {
             let pick = |then: Expr<'g>, either: Expr<'g>, other: Expr<'g>| b[0].lo.select(then, b[0].hi.select(either, other));

@@ -14,3 +14,4 @@ pub mod shape;
 pub mod step;
 pub mod symbolic;
 pub mod value;
+pub mod written;
