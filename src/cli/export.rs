@@ -68,7 +68,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         }
         None => {}
     }
-    let graph = session.load(&arguments.formula.file, &arguments.formula.set)?.graph;
+    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let arena = Rc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     let plan = choose(&composer, &arguments.estimate.settings()).map_err(|d| session.failure(d))?;
