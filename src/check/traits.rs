@@ -36,9 +36,10 @@ pub fn is_conformal(library: &Library, step: &Step) -> bool {
     let columns = StepCase::columns(width, &points);
     let Ok(out) = backends.run(Target::CpuF64, &arena, &Kernel::Map(function), &columns) else { return false };
     let mut measured = 0;
-    for i in 0..POINTS {
-        let product =
-            |a: usize, b: usize| -> f64 { (0..n).map(|k| out[n * (1 + a) + k][i] * out[n * (1 + b) + k][i]).sum() };
+    let of_point = |i: usize| out.iter().map(|column| column[i]).collect::<Vec<f64>>();
+    for values in (0..POINTS).map(of_point) {
+        let row = |a: usize| &values[n * (1 + a)..n * (2 + a)];
+        let product = |a: usize, b: usize| -> f64 { row(a).iter().zip(row(b)).map(|(x, y)| x * y).sum() };
         let mean = (0..n).map(|a| product(a, a)).sum::<f64>() / n as f64;
         if !mean.is_finite() {
             continue;

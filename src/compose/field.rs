@@ -90,11 +90,8 @@ fn field_primitives(composer: &Composer) -> Vec<NodeRef> {
     let mut found = Vec::new();
     while let Some(node) = open.pop() {
         match &composer.graph.node(node).kind {
-            NodeKind::Primitive(_) | NodeKind::Shape { .. } => {
-                if !found.contains(&node) {
-                    found.push(node);
-                }
-            }
+            NodeKind::Primitive(_) | NodeKind::Shape { .. } if found.contains(&node) => {}
+            NodeKind::Primitive(_) | NodeKind::Shape { .. } => found.push(node),
             NodeKind::Orbit { .. } => {}
             NodeKind::Transform { of, .. } | NodeKind::Warp { of, .. } => open.push(*of),
             kind if !kind.is_map() => open.extend(kind.wires()),

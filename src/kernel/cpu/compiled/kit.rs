@@ -85,9 +85,9 @@ unsafe fn apply_narrow(at: *mut u8, f: impl FnOnce([Lanes<Avx2>; 2]) -> [Lanes<A
 #[inline(always)]
 unsafe fn apply_scalar<const LANES: usize>(at: *mut u8, f: impl Fn([f64; 2]) -> [f64; 2]) {
     // SAFETY: the caller's promise.
-    let vectors = unsafe { &mut *at.cast::<[[f64; LANES]; 4]>() };
-    for lane in 0..LANES {
-        [vectors[2][lane], vectors[3][lane]] = f([vectors[0][lane], vectors[1][lane]]);
+    let [a, b, first, second] = unsafe { &mut *at.cast::<[[f64; LANES]; 4]>() };
+    for (((&mut a, &mut b), first), second) in a.iter_mut().zip(b).zip(first).zip(second) {
+        [*first, *second] = f([a, b]);
     }
 }
 
