@@ -57,7 +57,7 @@ fn fenced(page: &str) -> Vec<Block> {
     let block = |pair: &[&str]| {
         let (language, code) = pair[1].split_once('\n').unwrap_or((pair[1], ""));
         Block {
-            before: pair[0].trim_end().lines().last().unwrap_or_default().to_owned(),
+            before: pair[0].trim_end().lines().next_back().unwrap_or_default().to_owned(),
             language: language.to_owned(),
             code: format!("{code}\n"),
         }
