@@ -20,6 +20,10 @@ const PAGES: &[&str] = &[
     "docs/performance.md",
 ];
 
+/// Pages of people whose files and commands are followed from top to bottom, each in an empty folder.
+const TUTORIALS: &[&str] =
+    &["docs/tutorials/first_formula.md", "docs/tutorials/first_hybrid.md", "docs/tutorials/why_holes.md"];
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -29,14 +33,38 @@ fn text(path: &str) -> String {
 }
 
 fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bulbfold")).args(arguments).current_dir(folder).output().expect("it starts")
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
+    command.args(arguments).current_dir(folder).env("BULBFOLD_CACHE", "").output().expect("it starts")
+}
+
+/// A fenced block of a page.
+struct Block {
+    /// The last line before it that is not empty.
+    before: String,
+    /// What is written behind its fence.
+    language: String,
+    /// Its lines.
+    code: String,
+}
+
+/// The fenced blocks of a page, in order.
+fn fenced(page: &str) -> Vec<Block> {
+    let text = text(page);
+    let parts: Vec<&str> = text.split("\n```").collect();
+    let block = |pair: &[&str]| {
+        let (language, code) = pair[1].split_once('\n').unwrap_or((pair[1], ""));
+        Block {
+            before: pair[0].trim_end().lines().next_back().unwrap_or_default().to_owned(),
+            language: language.to_owned(),
+            code: format!("{code}\n"),
+        }
+    };
+    parts.chunks_exact(2).map(block).collect()
 }
 
 /// The blocks of a language in a page.
 fn blocks(page: &str, language: &str) -> Vec<String> {
-    let text = text(page);
-    let parts = text.split("\n```").skip(1).step_by(2);
-    parts.filter_map(|block| block.strip_prefix(&format!("{language}\n")).map(|code| format!("{code}\n"))).collect()
+    fenced(page).into_iter().filter(|block| block.language == language).map(|block| block.code).collect()
 }
 
 #[test]
@@ -58,7 +86,7 @@ fn generated_pages_are_fresh() {
 
 #[test]
 fn links_lead_somewhere() {
-    for page in PAGES {
+    for page in PAGES.iter().chain(TUTORIALS) {
         let text = text(page);
         let folder = root().join(page);
         let folder = folder.parent().expect("a page lies in a folder");
@@ -141,4 +169,67 @@ fn commands_of_the_readme_work() {
         }
     }
     assert!(count >= 4, "{count}");
+}
+
+/// A reader's way: the files are written, the commands typed, and those with `# fails` behind them fail.
+#[test]
+fn tutorials_can_be_followed() {
+    for page in TUTORIALS {
+        let folder = tempfile::tempdir().expect("a folder can be made");
+        let mut count = 0;
+        for block in fenced(page) {
+            match block.language.as_str() {
+                "ron" | "rhai" => {
+                    let name = block.before.strip_prefix("In `").and_then(|rest| rest.strip_suffix("`:"));
+                    let name = name.unwrap_or_else(|| panic!("{page} does not name the file of\n{}", block.code));
+                    std::fs::write(folder.path().join(name), &block.code).expect("the file is written");
+                }
+                "sh" => {
+                    for line in block.code.lines() {
+                        follow(page, folder.path(), line);
+                        count += 1;
+                    }
+                }
+                _ => {}
+            }
+        }
+        assert!(count >= 8, "{page} has {count} commands");
+    }
+}
+
+/// Runs a command of a tutorial, with few pixels and rays.
+fn follow(page: &str, folder: &Path, line: &str) {
+    let (command, note) = line.split_once(" #").unwrap_or((line, ""));
+    let words: Vec<&str> = command.split_whitespace().collect();
+    assert_eq!(words.first(), Some(&"bulbfold"), "{page}: {line}");
+    let output = bulbfold(folder, &quick(&words[1..]));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code().is_some_and(|code| code <= 2), "{page}: {line}\n{said}");
+    assert_eq!(!output.status.success(), note.trim() == "fails", "{page}: {line}\n{said}");
+}
+
+/// The arguments of a command, changed so that it takes little time.
+fn quick<'a>(words: &[&'a str]) -> Vec<&'a str> {
+    let mut quick = words.to_vec();
+    match words[0] {
+        "render" => {
+            put(&mut quick, "--size", "32x24");
+            put(&mut quick, "--calibrate", "off");
+            if !words.contains(&"--view") {
+                put(&mut quick, "--samples", "1");
+            }
+        }
+        "check" | "calibrate" => put(&mut quick, "--size", "64x48"),
+        "truth" => put(&mut quick, "--rays", "40"),
+        _ => {}
+    }
+    quick
+}
+
+/// Gives an option another value, or adds it.
+fn put<'a>(words: &mut Vec<&'a str>, option: &'a str, value: &'a str) {
+    match words.iter().position(|word| *word == option) {
+        Some(i) => words[i + 1] = value,
+        None => words.extend([option, value]),
+    }
 }
