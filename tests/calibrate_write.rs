@@ -32,7 +32,7 @@ fn the_choice_is_written_and_nothing_else_changes() {
         |files: &[&'static str]| [&["calibrate"], files, &["--write", "--size", "320x240", "--time", "60"]].concat();
     let output = bulbfold(folder.path(), &arguments(&files));
     assert_eq!(output.status.code(), Some(1), "{}", texts(&output));
-    for text in ["2 of 4 files changed, 1 failed", "no orbit", "unknown step `nothing`"] {
+    for text in ["2 of 4 files changed, 1 failed", "no orbit", "unknown step or node kind `nothing`"] {
         assert!(texts(&output).contains(text), "{text}\n{}", texts(&output));
     }
     // Without the new line the file is what it was.

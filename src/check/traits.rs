@@ -35,6 +35,9 @@ pub fn is_conformal(library: &Library, step: &Step) -> bool {
     let points: Vec<Vec<f64>> = (0..POINTS).map(|_| (0..n).map(|_| random.range(-REACH, REACH)).collect()).collect();
     let columns = StepCase::columns(width, &points);
     let Ok(out) = backends.run(Target::CpuF64, &arena, &Kernel::Map(function), &columns) else { return false };
+    if out.len() < n * (1 + n) {
+        return false; // a shape: it has a distance and no image
+    }
     let mut measured = 0;
     let of_point = |i: usize| out.iter().map(|column| column[i]).collect::<Vec<f64>>();
     for values in (0..POINTS).map(of_point) {

@@ -85,9 +85,6 @@ fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Rc<Ste
             let help = "rename the file: steps of one name hide each other";
             Err(usage(format!("{} is hidden by another step `{name}`", path.display()), help))
         }
-        Some(step) if step.is_shape() => {
-            Err(usage(format!("`{name}` is a shape, and check is for maps"), "`bulbfold test` checks a shape's slope"))
-        }
         step => Ok(step),
     }
 }

@@ -126,12 +126,12 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 impl Arguments {
     /// Whether any condition asks for what has to be found out of graphs and steps.
     fn asks_properties(&self) -> bool {
-        self.conformal
-            || self.differentiable
-            || self.exact
-            || self.estimate.is_some()
-            || self.chosen.is_some()
-            || self.dimension.is_some()
+        self.conformal || self.differentiable || self.exact || self.dimension.is_some() || self.asks_estimates()
+    }
+
+    /// Whether estimates have to be chosen, which measures each fractal.
+    fn asks_estimates(&self) -> bool {
+        self.json || self.estimate.is_some() || self.chosen.is_some()
     }
 
     fn takes(&self, entry: &Entry) -> bool {
@@ -198,7 +198,11 @@ fn entries(arguments: &Arguments, session: &mut Session) -> Vec<Entry> {
     }
     if wanted(Kind::Fractals) {
         for (name, _) in embedded::FRACTALS {
-            entries.push(fractal_entry(session, name, deep, &mut conformal));
+            let graph = load(&mut session.library, name, &[], &mut Diagnostics::default()).map(|loaded| loaded.graph);
+            let found = graph.as_ref().filter(|_| deep);
+            let properties =
+                found.and_then(|graph| fractal_properties(session, graph, arguments.asks_estimates(), &mut conformal));
+            entries.push(fractal_entry(name, graph.as_ref(), properties));
         }
     }
     if wanted(Kind::Scripts) {
@@ -244,26 +248,32 @@ fn step_entry(session: &Session, step: &Step, deep: bool, known: &mut BTreeMap<S
     }
 }
 
-fn fractal_entry(session: &mut Session, name: &str, deep: bool, known: &mut BTreeMap<String, bool>) -> Entry {
-    let mut d = Diagnostics::default();
-    let graph = load(&mut session.library, name, &[], &mut d).map(|loaded| loaded.graph);
-    let properties = graph.as_ref().filter(|_| deep).and_then(|graph| fractal_properties(session, graph, known));
-    let of = |text: fn(&ValidGraph) -> &str| graph.as_ref().map_or("", text).to_string();
+fn fractal_entry(name: &str, graph: Option<&ValidGraph>, properties: Option<Properties>) -> Entry {
+    let of = |text: fn(&ValidGraph) -> &str| graph.map_or("", text).to_string();
     Entry {
         kind: Kind::Fractals,
         name: name.to_string(),
         group: of(|graph| &graph.group),
-        summary: graph.as_ref().map_or("(broken)", |graph| &graph.summary).to_string(),
+        summary: graph.map_or("(broken)", |graph| &graph.summary).to_string(),
         inventor: of(|graph| &graph.inventor),
-        year: graph.as_ref().and_then(|graph| graph.year),
+        year: graph.and_then(|graph| graph.year),
         properties,
     }
 }
 
-fn fractal_properties(session: &Session, graph: &ValidGraph, known: &mut BTreeMap<String, bool>) -> Option<Properties> {
+fn fractal_properties(
+    session: &Session,
+    graph: &ValidGraph,
+    estimates: bool,
+    known: &mut BTreeMap<String, bool>,
+) -> Option<Properties> {
     let arena = Rc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph };
-    let plan = choose(&composer, &EstimateSettings::default()).ok()?;
+    let plan = match estimates {
+        true => Some(choose(&composer, &EstimateSettings::default()).ok()?),
+        false => None,
+    };
+    let plan = plan.as_ref();
     let mut steps: Vec<&Step> = Vec::new();
     let mut roots = Vec::new();
     for node in &graph.nodes {
@@ -279,8 +289,8 @@ fn fractal_properties(session: &Session, graph: &ValidGraph, known: &mut BTreeMa
         exact: !roots.is_empty()
             && roots.iter().all(|(root, _)| scalar_rules(&composer, *root) == Some(ScalarRule::Exact)),
         dimensions: vec![roots.iter().map(|(root, settings)| graph.state_width(*root, settings)).max().unwrap_or(3)],
-        estimates: plan.applicable().iter().map(|method| method.name()).collect(),
-        chosen: plan.choices.iter().map(|choice| choice.method.name()).collect(),
+        estimates: plan.iter().flat_map(|plan| plan.applicable()).map(|method| method.name()).collect(),
+        chosen: plan.iter().flat_map(|plan| &plan.choices).map(|choice| choice.method.name()).collect(),
     })
 }
 

@@ -45,7 +45,7 @@ pub fn written(
     let (ports, traced) = traced(library, step, arena, given, &symbolic)?;
     let function = |name: &str| Function::new(name, ports.clone());
     let mut value = function("value");
-    value.output("z'", traced.z);
+    value.output(if step.is_shape() { "d" } else { "z'" }, traced.z);
     let rule = traced.dr.map(|dr| {
         let mut rule = function("rule");
         rule.output("dr'", dr);
@@ -79,6 +79,10 @@ fn traced<'g>(
             script_value(arena, &param.kind, value)
         };
         params.insert(param.name.as_str().into(), value);
+    }
+    if step.is_shape() {
+        let z = step.trace_distance(&library.engine, &library.sources, arena, arena.input(0, ty), &params)?;
+        return Ok((ports, Traced { z, dr: None }));
     }
     let inputs = StepInputs { z: arena.input(0, ty), c: arena.input(1, ty), dr: Some(arena.input(2, Type::F)) };
     let traced = step.trace(&library.engine, &library.sources, arena, inputs, &params)?;

@@ -11,6 +11,7 @@ use crate::check::steps::{StepCase, largest_stretch, widths};
 use crate::diag::{Diagnostic, Span};
 use crate::expr::{Arena, Function};
 use crate::formula::library::Library;
+use crate::formula::shape::ShapeDistance;
 use crate::formula::step::{Growth, ScalarRule, Step};
 use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
 use crate::kernel::{Backend, Kernel};
@@ -85,17 +86,22 @@ pub(super) fn check_node(
     if let Some(dr) = traced.dr {
         function.output("dr", dr);
     }
-    let map = Runner::new(&arena, function, width);
+    let images = usize::from(traced.z.ty().width);
+    let map = Runner::new(&arena, function, width, images);
     let exact = match step.differentiable {
         true => {
             let function = case.jacobian_function(&arena, width, params, false).map_err(failed)?;
-            Some(Runner::new(&arena, function, width))
+            Some(Runner::new(&arena, function, width, images))
         }
         false => None,
     };
     let check = Check { library, step, name, width: usize::from(width), map, exact };
     check.continuity(health);
     check.numbers(health);
+    if let Some(distance) = step.distance {
+        check.slope(distance, health);
+        return Ok(());
+    }
     check.rule(health);
     check.growth(params, health);
     Ok(())
@@ -106,13 +112,15 @@ struct Runner {
     cpu: Cpu,
     kernel: CpuKernel,
     width: u8,
+    /// Components of an image: one of a shape, whose image is its distance.
+    images: usize,
 }
 
 impl Runner {
-    fn new(arena: &Rc<Arena>, function: Function, width: u8) -> Runner {
+    fn new(arena: &Rc<Arena>, function: Function, width: u8, images: usize) -> Runner {
         let cpu = Cpu::new(Precision::F64);
         let kernel = cpu.prepare(arena, &Kernel::Map(function)).expect("the CPU takes every kernel");
-        Runner { cpu, kernel, width }
+        Runner { cpu, kernel, width, images }
     }
 
     /// Columns of the outputs at states, with a running derivative of 1.
@@ -125,7 +133,7 @@ impl Runner {
     /// Images of states.
     fn images(&self, states: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let out = self.run(states);
-        (0..states.len()).map(|i| (0..usize::from(self.width)).map(|k| out[k][i]).collect()).collect()
+        (0..states.len()).map(|i| (0..self.images).map(|k| out[k][i]).collect()).collect()
     }
 }
 
@@ -230,7 +238,8 @@ impl Check<'_> {
         let n = self.width;
         if let Some(exact) = &self.exact {
             let out = exact.run(states);
-            let column = |i: usize, axis: usize| (0..n).map(|k| out[n * (1 + axis) + k][i]).collect::<Vec<f64>>();
+            let m = exact.images;
+            let column = |i: usize, axis: usize| (0..m).map(|k| out[m * (1 + axis) + k][i]).collect::<Vec<f64>>();
             return (0..states.len())
                 .map(|i| largest_stretch(&(0..n).map(|a| column(i, a)).collect::<Vec<_>>()))
                 .collect();
@@ -255,13 +264,32 @@ impl Check<'_> {
         (0..states.len()).map(|i| largest_stretch(&(0..n).map(|a| column(i, a)).collect::<Vec<_>>())).collect()
     }
 
+    /// A distance must not rise by more than 1 a length, or marches step through the shape.
+    fn slope(&self, distance: ShapeDistance, health: &mut Health) {
+        let kind = if distance == ShapeDistance::Exact { "exact" } else { "a bound" };
+        health.measure(self.name, "distance", kind);
+        let states = self.states();
+        let slopes = self.stretches(&states);
+        let steepest = slopes.iter().zip(&states).filter(|(slope, _)| slope.is_finite());
+        let Some((slope, z)) = steepest.max_by(|a, b| a.0.total_cmp(b.0)) else { return };
+        health.measure(self.name, "slope", format!("up to {}", number(*slope)));
+        let slack = if self.exact.is_some() { ROUNDING } else { ROUNDING_OF_DIFFERENCES };
+        if *slope > 1.0 + slack {
+            let message =
+                format!("the distance of `{}` rises by {} a length at z = {}", self.name, number(*slope), shown(z));
+            let help = "divide the distance by its largest slope, and say `distance: \"bound\"`";
+            let finding = self.found(Severity::Wrong, Kind::Rule, message, help, self.span("fn distance"));
+            health.findings.push(Finding { point: Some(z.clone()), ..finding });
+        }
+    }
+
     fn rule(&self, health: &mut Health) {
         let Some(rule) = self.step.scalar_rule else {
             health.measure(self.name, "scalar rule", "none; the exact derivative is used");
             return;
         };
         let states = self.states();
-        let rules = self.map.run(&states).swap_remove(self.width);
+        let rules = self.map.run(&states).swap_remove(self.map.images);
         let compared: Vec<(f64, &Vec<f64>, f64, f64)> = self
             .stretches(&states)
             .into_iter()
