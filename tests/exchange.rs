@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use bulbfold::check::Formula;
+#[cfg(feature = "gpu")]
 use bulbfold::graph::Method;
 
 fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {

@@ -29,7 +29,7 @@ fn properties_select_what_has_them() {
         "{conformal:?}"
     );
     let four = listed(&["--dimension", "4"], "fractals");
-    assert!(has(&four, "quaternion_julia") && !has(&four, "mandelbulb"), "{four:?}");
+    assert!(has(&four, "mandelbox_4d") && !has(&four, "mandelbulb"), "{four:?}");
     let exact = listed(&["--exact"], "steps");
     assert!(has(&exact, "box_fold") && !has(&exact, "bulb_power"), "{exact:?}");
     let chosen = listed(&["--chosen", "scalar"], "fractals");

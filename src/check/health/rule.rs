@@ -268,7 +268,14 @@ impl Check<'_> {
     fn slope(&self, distance: ShapeDistance, health: &mut Health) {
         let kind = if distance == ShapeDistance::Exact { "exact" } else { "a bound" };
         health.measure(self.name, "distance", kind);
-        let states = self.states();
+        let mut states = self.states();
+        if self.width == 4 {
+            // A shape of four components is one of the unit sphere.
+            for z in &mut states {
+                let length = z.iter().map(|x| x * x).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+                z.iter_mut().for_each(|x| *x /= length);
+            }
+        }
         let slopes = self.stretches(&states);
         let steepest = slopes.iter().zip(&states).filter(|(slope, _)| slope.is_finite());
         let Some((slope, z)) = steepest.max_by(|a, b| a.0.total_cmp(b.0)) else { return };
