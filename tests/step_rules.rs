@@ -20,14 +20,15 @@ const UNKNOWN: f64 = 1e12;
 
 fn random_value(kind: &ParamKind, low: f64, high: f64, random: &mut Random) -> ParamValue {
     // Ranges reach far beyond what is used; most samples are near the origin.
-    let (low, high) = (low.max(-3.0), high.min(3.0));
+    let (least, most) = (low, high);
+    let (low, high) = (low.max(-3.0).min(high), high.min(3.0).max(low));
     match kind {
         ParamKind::Float if random.below(2) == 0 => {
             ParamValue::Number(random.range(low, high).round().clamp(low, high))
         }
         ParamKind::Float => ParamValue::Number(random.range(low, high)),
-        ParamKind::Int => ParamValue::Number(random.range(low.max(1.0), high.max(1.0)).round()),
-        ParamKind::Angle => ParamValue::Number(random.range(-180.0, 180.0)),
+        ParamKind::Int => ParamValue::Number(random.range(low.max(1.0).min(high), high.max(1.0)).round()),
+        ParamKind::Angle => ParamValue::Number(random.range(least.max(-180.0), most.min(180.0))),
         ParamKind::Bool => ParamValue::Bool(random.below(2) == 0),
         ParamKind::Vec3 => ParamValue::Vector([0; 3].map(|_| random.range(low, high))),
         ParamKind::Mat3 => ParamValue::Matrix([[0; 3]; 3].map(|row| row.map(|_: i32| random.range(-1.5, 1.5)))),
@@ -50,6 +51,11 @@ fn parameters(step: &Step, set: usize, random: &mut Random) -> Vec<(String, Para
             ParamValue::Number(x) if name == "power" && set > 6 => *x = random.range(2.0, 9.0).round(),
             ParamValue::Number(x) if name.contains("radius") => *x = x.abs().max(0.05),
             _ => {}
+        }
+    }
+    for ((_, value), param) in all.iter_mut().zip(&step.params) {
+        if let ParamValue::Number(x) = value {
+            *x = x.clamp(param.min, param.max);
         }
     }
     all
