@@ -304,10 +304,10 @@ fn every_step_proves_something_and_nothing_false() {
                 sum.iter_mut().zip(found).for_each(|(s, f)| *s += f);
             }
             println!("{:<20} {:<15} proofs at {} of {} points", step.name, method.name(), sum[0], sum[1]);
-            // Beside a jump nothing can be proven; steps that jump all over the place say so in their notes.
-            let jumps = step.notes.to_lowercase().contains("discontinuous");
-            // Where no point escapes (a tile holds all images) there is nothing to prove.
-            let enough = if jumps { sum[0] > 0 || sum[1] == 0 } else { sum[0] * 2 > sum[1] };
+            // Beside a jump nothing can be proven, and jerusalem_cells jumps all over the place; where no point escapes
+            // (a tile holds all images) there is nothing to prove.
+            let least = if step.name == "jerusalem_cells" { sum[1] / 20 } else { sum[1] / 2 };
+            let enough = sum[0] > least || (step.name == "tile" && sum == [0, 0]);
             assert!(enough, "{}: {} of {} points prove nothing", step.name, sum[1] - sum[0], sum[1]);
         }
     }
