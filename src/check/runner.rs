@@ -285,7 +285,7 @@ fn has_calibrated_estimate(graph: &ValidGraph) -> bool {
 }
 
 /// Marches the view of a file that carries a calibrated estimate as the file says, and compares with the truth: what
-/// `bulbfold test` asks of such a file. `Err` says what is out of the budget.
+/// `bulbfold test` asks of such a file. `Err` says what is out of the budget by more than chance.
 pub fn check_calibration(subject: &Subject) -> Result<(), String> {
     let settings = RenderSettings {
         size: CALIBRATED_SIZE,
@@ -294,7 +294,7 @@ pub fn check_calibration(subject: &Subject) -> Result<(), String> {
     };
     let judged = super::truth::judge(subject, CALIBRATED_RAYS, &settings)?;
     let budget = Budget::default();
-    if judged.is_within(&budget) {
+    if !judged.is_evidence_against(&budget) {
         return Ok(());
     }
     Err(format!(

@@ -10,6 +10,8 @@ use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
 use crate::march::{MarchSettings, compose_march};
 use crate::render::{RenderSettings, compose_pipeline};
 
+/// What is less likely than this is evidence.
+const UNLIKELY: f64 = 0.05;
 /// A stop in front of the truth by more than this share of the bounding radius is early.
 const EARLY: f64 = 0.005;
 /// In views so close that this many footprints are less than that, they decide.
@@ -81,6 +83,8 @@ pub struct Judgement {
     /// Share, of all settled rays that the march stopped on, of stops in front of the truth by more than 0.5 % of the
     /// bounding radius (or four footprints, where those are less); a stop on a ray that misses counts, too.
     pub early: f64,
+    /// Settled rays that the march stopped on.
+    pub stops: usize,
     /// Stops that would be early, but a member of the set lies within an eighth of a footprint: there is something
     /// thinner than brute force can see. Not counted as early.
     pub finer: usize,
@@ -101,6 +105,29 @@ impl Judgement {
     pub fn is_within(&self, budget: &Budget) -> bool {
         self.missed <= budget.missed && self.early <= budget.early && self.median_error <= budget.error
     }
+
+    /// Whether these rays are evidence that an error budget is broken: at a rate of the budget itself, so many would be
+    /// missed (or early) in less than one of twenty such samples. A single miss of 150 hits is none.
+    pub fn is_evidence_against(&self, budget: &Budget) -> bool {
+        let is_too_much = |share: f64, of: usize, allowed: f64| {
+            let count = (share * of as f64).round() as usize;
+            share > allowed && chance_of_at_least(count, of, allowed) < UNLIKELY
+        };
+        is_too_much(self.missed, self.hits, budget.missed)
+            || is_too_much(self.early, self.stops, budget.early)
+            || self.median_error > budget.error
+    }
+}
+
+/// The chance of `count` or more of `of` independent events that happen at `rate` each.
+fn chance_of_at_least(count: usize, of: usize, rate: f64) -> f64 {
+    let mut term = (1.0 - rate).powi(of as i32);
+    let mut below = 0.0;
+    for k in 0..count {
+        below += term;
+        term *= (of.saturating_sub(k)) as f64 / (k + 1) as f64 * rate / (1.0 - rate).max(f64::MIN_POSITIVE);
+    }
+    1.0 - below
 }
 
 /// The march of a candidate: its choices (one for each orbit of the field) and how it steps.
@@ -171,6 +198,7 @@ impl Truths {
         judged.missed_thin = share(missed[0], judged.thin);
         judged.missed_thick = share(missed[1], hits - judged.thin);
         judged.early = share(early, stops);
+        judged.stops = stops;
         judged.estimates /= ends.len().max(1) as f64;
         judged.iterations /= ends.len().max(1) as f64;
         errors.sort_by(f64::total_cmp);
@@ -222,4 +250,37 @@ pub fn judge(subject: &Subject, rays: usize, settings: &RenderSettings) -> Resul
     let ends =
         march_rays(&Cpu::new(Precision::F64), subject.arena, &pipeline.march, &truths.rays, scale.bounding_radius);
     Ok(truths.judge(&ends.map_err(|error| error.to_string())?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chances_are_binomial() {
+        // Of two coins: at least one head 3/4, two 1/4.
+        assert!((chance_of_at_least(1, 2, 0.5) - 0.75).abs() < 1e-12);
+        assert!((chance_of_at_least(2, 2, 0.5) - 0.25).abs() < 1e-12);
+        assert_eq!(chance_of_at_least(0, 100, 0.3), 1.0);
+        assert!(chance_of_at_least(3, 2, 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn few_misses_of_few_hits_are_no_evidence() {
+        let budget = Budget::default();
+        let judged = |missed: usize, hits: usize| Judgement {
+            hits,
+            stops: hits,
+            missed: missed as f64 / hits as f64,
+            ..Judgement::default()
+        };
+        assert!(!judged(1, 150).is_within(&budget) && !judged(1, 150).is_evidence_against(&budget));
+        assert!(judged(4, 150).is_evidence_against(&budget));
+        assert!(!judged(8, 1500).is_evidence_against(&budget));
+        assert!(judged(15, 1500).is_evidence_against(&budget));
+        let early = Judgement { early: 0.15, ..judged(0, 100) };
+        assert!(early.is_evidence_against(&budget));
+        let off = Judgement { median_error: 0.6, ..judged(0, 100) };
+        assert!(off.is_evidence_against(&budget));
+    }
 }
