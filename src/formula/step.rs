@@ -141,17 +141,22 @@ pub struct StepExample {
     pub z: Vec<f64>,
     /// Constant that the step may read.
     pub c: Option<Vec<f64>>,
+    /// What a step that remembers had before; 0 where it is not given.
+    pub before: Option<Vec<f64>>,
     /// Parameters that differ from the defaults.
     pub params: Vec<(String, ParamValue)>,
     /// State after.
     pub expect: Vec<f64>,
     /// Running derivative before and after.
     pub dr: Option<(f64, f64)>,
+    /// Running derivative of what a step that remembers had before.
+    pub before_dr: f64,
     /// Absolute tolerance near 0, relative elsewhere, in f64.
     pub tolerance: f64,
 }
 
 /// What a traced step made of the state.
+#[derive(Clone, Copy)]
 pub struct Traced<'g> {
     /// State after.
     pub z: Expr<'g>,
@@ -207,7 +212,11 @@ impl Step {
         let embeds = self.state == StateWidth::Embeds;
         let (z, c) = if narrow || embeds { (full.xyz(), inputs.c.xyz()) } else { (full, inputs.c) };
         let script = |e: Expr<'g>| Dynamic::from(Symbol::new(arena, e));
-        let args = vec![script(z), script(c), Dynamic::from(params.clone())];
+        let mut args = vec![script(z), script(c), Dynamic::from(params.clone())];
+        let before = inputs.before.map_or(z.lift(0.0), |before| if narrow { before.z.xyz() } else { before.z });
+        if self.remembers() {
+            args.push(script(before));
+        }
         let result = engine.call(sources, self.text, &self.ast, "step", args)?;
         let image = if embeds { Type::V4 } else { z.ty() };
         let mut after = self.returned(sources, arena, &result, image, "step")?;
@@ -217,7 +226,11 @@ impl Step {
         }
         let dr = match (inputs.dr, self.scalar_rule) {
             (Some(dr), Some(_)) => {
-                let args = vec![script(z), script(dr), Dynamic::from(params.clone())];
+                let mut args = vec![script(z), script(dr), Dynamic::from(params.clone())];
+                if self.remembers() {
+                    let before_dr = inputs.before.and_then(|before| before.dr).unwrap_or_else(|| arena.f(0.0));
+                    args.extend([script(before), script(before_dr)]);
+                }
                 let result = engine.call(sources, self.text, &self.ast, "derivative", args)?;
                 Some(self.returned(sources, arena, &result, Type::F, "derivative")?)
             }
@@ -226,6 +239,11 @@ impl Step {
         // What is built after the step is not the step's.
         arena.set_span(Span::NONE);
         Ok(Traced { z: after, dr })
+    }
+
+    /// Whether the step reads what state it had the last time that it ran: its function has a fourth argument.
+    pub fn remembers(&self) -> bool {
+        self.has_function("step", REMEMBERING.0)
     }
 
     /// True where the step file has a function of this name and number of arguments.
@@ -264,7 +282,19 @@ pub struct StepInputs<'g> {
     pub c: Expr<'g>,
     /// Running derivative, where it is followed.
     pub dr: Option<Expr<'g>>,
+    /// State and running derivative that went in the last time, for steps that remember them; 0 where there is none.
+    pub before: Option<Traced<'g>>,
 }
+
+impl<'g> StepInputs<'g> {
+    /// Inputs of a step that runs for the first time.
+    pub fn first(z: Expr<'g>, c: Expr<'g>, dr: Option<Expr<'g>>) -> StepInputs<'g> {
+        StepInputs { z, c, dr, before: None }
+    }
+}
+
+/// Arguments of `fn step(z, c, p, before)` and `fn derivative(z, dr, p, before, before_dr)`.
+const REMEMBERING: (usize, usize) = (4, 5);
 
 /// A parameter's value as its step's script sees it: radians, rows as vectors.
 pub fn script_value(arena: &Rc<Arena>, kind: &ParamKind, value: &ParamValue) -> Dynamic {

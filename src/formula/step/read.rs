@@ -2,7 +2,7 @@
 
 use rhai::AST;
 
-use super::{Growth, ParamKind, ParamValue, ScalarRule, StateWidth, Step, StepExample, StepParam};
+use super::{Growth, ParamKind, ParamValue, REMEMBERING, ScalarRule, StateWidth, Step, StepExample, StepParam};
 use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
 use crate::formula::decode::{Fields, FromValue, check_range, entries};
 use crate::formula::shape::{ShapeDistance, check_shape, has_distance};
@@ -39,8 +39,14 @@ pub(super) fn decode_step(
     let params: Vec<StepParam> = fields.or("params", Vec::new(), d);
     let example_values: Vec<Value> = fields.or("examples", Vec::new(), d);
     fields.finish(d);
-    let examples =
+    let examples: Vec<StepExample> =
         example_values.iter().filter_map(|v| decode_example(v, &params, (state, distance.is_some()), d)).collect();
+    let remembers = ast.iter_functions().any(|f| f.name == "step" && f.params.len() == REMEMBERING.0);
+    if !remembers && examples.iter().any(|e| e.before.is_some() || e.before_dr != 0.0) {
+        let message = "an example gives `before`, but the step does not remember";
+        let help = "a step that remembers has `fn step(z, c, p, before)`";
+        d.push(Diagnostic::error(message).label(description.span, "").help(help));
+    }
     match distance {
         Some(_) => check_shape(&ast, description.span, scalar_rule.is_some(), d),
         None => check_functions(&ast, description.span, scalar_rule.is_some(), d),
@@ -66,18 +72,28 @@ pub(super) fn decode_step(
 }
 
 fn check_functions(ast: &AST, span: Span, has_rule: bool, d: &mut Diagnostics) {
-    let has = |name: &str| ast.iter_functions().any(|f| f.name == name && f.params.len() == 3);
-    if !has("step") && has_distance(ast) {
+    let has =
+        |name: &str, arguments: usize| ast.iter_functions().any(|f| f.name == name && f.params.len() == arguments);
+    let (plain, remembers) = (has("step", 3), has("step", REMEMBERING.0));
+    let has_step = plain || remembers;
+    let rule = if remembers { "derivative(z, dr, p, before, before_dr)" } else { "derivative(z, dr, p)" };
+    let rule_arguments = if remembers { REMEMBERING.1 } else { 3 };
+    if plain && remembers {
+        let message = "there are both `fn step(z, c, p)` and `fn step(z, c, p, before)`";
+        d.push(Diagnostic::error(message).label(span, "").help("keep the one that is meant"));
+    }
+    if !has_step && has_distance(ast) {
         let message = "there is a `fn distance(z, p)`, but `distance` does not say what it is worth";
         d.push(Diagnostic::error(message).label(span, "").help("`distance` is \"exact\" or \"bound\""));
-    } else if !has("step") {
-        d.push(Diagnostic::error("the file has no `fn step(z, c, p)`").label(span, "described here"));
+    } else if !has_step {
+        let message = "the file has no `fn step(z, c, p)`, nor `fn step(z, c, p, before)`";
+        d.push(Diagnostic::error(message).label(span, "described here"));
     }
-    if has("derivative") != has_rule {
+    if has("derivative", rule_arguments) != has_rule {
         let message = if has_rule {
-            "`scalar_rule` is given, but there is no `fn derivative(z, dr, p)`"
+            format!("`scalar_rule` is given, but there is no `fn {rule}`")
         } else {
-            "there is a `fn derivative(z, dr, p)`, but `scalar_rule` does not say what it is worth"
+            format!("there is a `fn {rule}`, but `scalar_rule` does not say what it is worth")
         };
         d.push(Diagnostic::error(message).label(span, "").help("`scalar_rule` is \"exact\" or \"heuristic\""));
     }
@@ -98,6 +114,8 @@ fn decode_example(
     };
     let dr = fields.optional::<f64>("dr", d);
     let expect_dr = fields.optional::<f64>("expect_dr", d);
+    let before = fields.optional::<Vec<f64>>("before", d);
+    let before_dr = fields.or("before_dr", 0.0, d);
     let tolerance = fields.or("tolerance", 1e-6, d);
     let given = fields.optional_value("params");
     fields.finish(d);
@@ -113,11 +131,15 @@ fn decode_example(
         StateWidth::Embeds => z.len() == 3 && expect.len() == 4,
         _ => (3..=4).contains(&z.len()) && (is_shape || z.len() == expect.len()),
     };
+    if before.as_ref().is_some_and(|before| before.len() != z.len()) {
+        d.push(Diagnostic::error("`before` needs as many components as `z`").label(value.span, ""));
+        return None;
+    }
     if !fits {
         d.push(Diagnostic::error("`z` and `expect` need three or four components each").label(value.span, ""));
         return None;
     }
-    Some(StepExample { z, c, params: values, expect, dr: dr.zip(expect_dr), tolerance })
+    Some(StepExample { z, c, before, params: values, expect, dr: dr.zip(expect_dr), before_dr, tolerance })
 }
 
 /// The message for a parameter that a step does not have.
