@@ -246,7 +246,9 @@ fn state_kernel(subject: &Subject) -> (Kernel, Vec<String>) {
 
 fn check_state(system: &System, subject: &Subject, points: &[([f64; 3], End)]) {
     let (kernel, names) = state_kernel(subject);
-    assert_eq!(names, ["z", "dr", "j_x", "j_y", "j_z"], "the state has other parts now");
+    assert_eq!(names[..5], ["z", "dr", "j_x", "j_y", "j_z"], "the state has other parts now");
+    let remembered = ["z", "dr", "j_x", "j_y", "j_z"].map(|name| format!("before_0_{name}"));
+    assert_eq!(names[5..], if system.memory == 0.0 { Vec::new() } else { remembered.to_vec() });
     let places: Vec<[f64; 3]> = points.iter().map(|(p, _)| *p).collect();
     let out = Backends::cpu_only().run(Target::CpuF64, subject.arena, &kernel, &columns(&places)).unwrap();
     for (i, (p, end)) in points.iter().enumerate() {
