@@ -217,7 +217,8 @@ fn try_step(library: &mut Library, name: &str, text: &str, counts: &mut Counts) 
     for param in &step.params {
         params.insert(param.name.as_str().into(), script_value(&arena, &param.kind, &param.default));
     }
-    let inputs = StepInputs { z: arena.input(0, ty), c: arena.input(1, ty), dr: Some(arena.input(2, Type::F)) };
+    let inputs =
+        StepInputs { z: arena.input(0, ty), c: arena.input(1, ty), dr: Some(arena.input(2, Type::F)), before: None };
     if step.is_shape() {
         return match step.trace_distance(&library.engine, &library.sources, &arena, inputs.z, &params) {
             Err(_) => counts.failed_to_compose += 1,

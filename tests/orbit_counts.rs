@@ -23,7 +23,7 @@ fn isometries(fold: &str, group: u32, width: u8, points: usize) -> Vec<Vec<Vec<f
     let mut params = rhai::Map::new();
     let value = script_value(&arena, &step.params[0].kind, &ParamValue::Number(f64::from(group)));
     params.insert("type".into(), value);
-    let inputs = StepInputs { z, c: z.lift(0.0), dr: None };
+    let inputs = StepInputs { z, c: z.lift(0.0), dr: None, before: None };
     let traced = step.trace(&library.engine, &library.sources, &arena, inputs, &params);
     let folded = traced.unwrap_or_else(|error| panic!("{}", error.message)).z;
     for axis in 0..usize::from(width) {

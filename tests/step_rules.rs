@@ -82,7 +82,7 @@ fn kernel(library: &Library, step: &Step, arena: &Rc<Arena>, params: &[(String, 
         .map(|(p, (name, value))| (name.as_str().into(), script_value(arena, &p.kind, value)))
         .collect();
     let image = |at: Expr| {
-        let inputs = StepInputs { z: arena.expr(at.id), c: arena.expr(z.lift(0.0).id), dr: None };
+        let inputs = StepInputs { z: arena.expr(at.id), c: arena.expr(z.lift(0.0).id), dr: None, before: None };
         let traced = step.trace(&library.engine, &library.sources, arena, inputs, &map);
         traced.unwrap_or_else(|error| panic!("{}: {error:?}", step.name)).z
     };
@@ -109,7 +109,8 @@ fn kernel(library: &Library, step: &Step, arena: &Rc<Arena>, params: &[(String, 
     let [middle, radius] = chord.unwrap_or_else(|error| panic!("{}: {error:?}", step.name)).unwrap_or(none);
     function.output("chord", middle);
     function.output("chord_radius", radius);
-    let inputs = StepInputs { z: arena.expr(z.id), c: arena.expr(z.lift(0.0).id), dr: Some(arena.f(1.0)) };
+    let inputs =
+        StepInputs { z: arena.expr(z.id), c: arena.expr(z.lift(0.0).id), dr: Some(arena.f(1.0)), before: None };
     let factor = step.trace(&library.engine, &library.sources, arena, inputs, &map).ok().and_then(|traced| traced.dr);
     function.output("factor", factor.unwrap_or_else(|| arena.f(-1.0)));
     Kernel::Map(function)

@@ -29,6 +29,9 @@ const BOUND_TOLERANCE: f64 = 1e-6;
 /// Error of a shape's slope.
 const SLOPE_TOLERANCE: f64 = 1e-6;
 
+/// Number of the input that is what a step had before.
+const BEFORE: u16 = 2;
+
 /// Parameters that differ from the defaults.
 pub(super) type Params = Vec<(String, ParamValue)>;
 
@@ -81,9 +84,11 @@ impl StepCase<'_> {
         with_dr: bool,
     ) -> Result<(Vec<Port>, Traced<'g>), String> {
         let ty = Type::F.with_width(width);
-        let ports = vec![Port::new("z", ty), Port::new("c", ty), Port::new("dr", Type::F)];
-        let inputs =
-            StepInputs { z: arena.input(0, ty), c: arena.input(1, ty), dr: with_dr.then(|| arena.input(2, Type::F)) };
+        let ports = ["z", "c", "before"].map(|name| Port::new(name, ty)).into_iter();
+        let ports = ports.chain(["dr", "before_dr"].map(|name| Port::new(name, Type::F))).collect();
+        let number = |i: u16| with_dr.then(|| arena.input(i, Type::F));
+        let before = self.step.remembers().then(|| Traced { z: arena.input(BEFORE, ty), dr: number(4) });
+        let inputs = StepInputs { z: arena.input(0, ty), c: arena.input(1, ty), dr: number(3), before };
         let map = self.params(arena, params);
         if self.step.is_shape() {
             let Library { engine, sources, .. } = self.library;
@@ -106,8 +111,11 @@ impl StepCase<'_> {
         }
         let mut c = example.c.clone().unwrap_or_default();
         c.resize(width, 0.0);
-        let dr = example.dr.map_or(1.0, |(before, _)| before);
-        let columns: Vec<Vec<f64>> = example.z.iter().chain(&c).chain([&dr]).map(|x| vec![*x]).collect();
+        let mut before = example.before.clone().unwrap_or_default();
+        before.resize(width, 0.0);
+        let drs = [example.dr.map_or(1.0, |(before, _)| before), example.before_dr];
+        let inputs = example.z.iter().chain(&c).chain(&before).chain(&drs);
+        let columns: Vec<Vec<f64>> = inputs.map(|x| vec![*x]).collect();
         let out = self.backends.run(target, &arena, &Kernel::Map(function), &columns).map_err(|e| e.to_string())?;
         let found: Vec<f64> = out.iter().map(|column| column[0]).collect();
         let tolerance = example.tolerance + target.step_slack();
@@ -143,7 +151,9 @@ impl StepCase<'_> {
     pub(super) fn derivative(&self) -> Result<(), String> {
         for &width in widths(self.step) {
             for (params, points) in self.samples(width) {
-                self.derivative_at(width, &params, &points)?;
+                for &by in self.states() {
+                    self.derivative_at(width, &params, &points, by)?;
+                }
             }
         }
         Ok(())
@@ -156,10 +166,21 @@ impl StepCase<'_> {
         params: &[(String, ParamValue)],
         with_dr: bool,
     ) -> Result<Function, String> {
+        self.jacobian_by(arena, width, params, (0, with_dr))
+    }
+
+    /// The derivative by the input `by`: the state's number, or [`BEFORE`].
+    fn jacobian_by(
+        &self,
+        arena: &Rc<Arena>,
+        width: u8,
+        params: &[(String, ParamValue)],
+        (by, with_dr): (u16, bool),
+    ) -> Result<Function, String> {
         let (ports, traced) = self.trace(arena, width, params, with_dr)?;
         let mut function = Function::new("jacobian", ports);
         function.output("z", traced.z);
-        let z = arena.input(0, Type::F.with_width(width));
+        let z = arena.input(by, Type::F.with_width(width));
         for i in 0..width {
             let mut axis = [0.0; 4];
             axis[usize::from(i)] = 1.0;
@@ -172,18 +193,26 @@ impl StepCase<'_> {
         Ok(function)
     }
 
-    /// Columns of inputs for states, with a fixed constant and a running derivative of 1.
+    /// Columns of inputs for states, with a fixed constant and state before, and running derivatives of 1 and 0.
     pub(super) fn columns(width: u8, states: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let mut columns: Vec<Vec<f64>> =
             (0..usize::from(width)).map(|i| states.iter().map(|z| z[i]).collect()).collect();
-        columns.extend([0.3, -0.2, 0.45, 0.1].iter().take(usize::from(width)).map(|c| vec![*c; states.len()]));
-        columns.push(vec![1.0; states.len()]);
+        for fixed in [[0.3, -0.2, 0.45, 0.1], [-0.4, 0.25, 0.15, -0.35]] {
+            columns.extend(fixed.iter().take(usize::from(width)).map(|x| vec![*x; states.len()]));
+        }
+        columns.extend([1.0, 0.0].map(|dr| vec![dr; states.len()]));
         columns
     }
 
-    fn derivative_at(&self, width: u8, params: &[(String, ParamValue)], points: &[Vec<f64>]) -> Result<(), String> {
+    fn derivative_at(
+        &self,
+        width: u8,
+        params: &[(String, ParamValue)],
+        points: &[Vec<f64>],
+        by: u16,
+    ) -> Result<(), String> {
         let arena = Rc::new(Arena::default());
-        let function = self.jacobian_function(&arena, width, params, false)?;
+        let function = self.jacobian_by(&arena, width, params, (by, false))?;
         let n = usize::from(width);
         let m = image_width(self.step, n);
         // Each point, then along each axis four moves: -h, +h, -h/2, +h/2.
@@ -200,7 +229,7 @@ impl StepCase<'_> {
             }
         }
         let kernel = Kernel::Map(function);
-        let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns(width, &states));
+        let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns_by(width, &states, by));
         let out = out.map_err(|e| e.to_string())?;
         let each = 1 + 4 * n;
         for (i, p) in points.iter().enumerate() {
@@ -232,27 +261,51 @@ impl StepCase<'_> {
     pub(super) fn bound(&self) -> Result<(), String> {
         for &width in widths(self.step) {
             for (params, points) in self.samples(width) {
-                let arena = Rc::new(Arena::default());
-                let kernel = Kernel::Map(self.jacobian_function(&arena, width, &params, true)?);
-                let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns(width, &points));
-                let out = out.map_err(|e| e.to_string())?;
-                let n = usize::from(width);
-                let m = image_width(self.step, n);
-                for (i, p) in points.iter().enumerate() {
-                    let columns: Vec<Vec<f64>> =
-                        (0..n).map(|a| (0..m).map(|k| out[m * (1 + a) + k][i]).collect()).collect();
-                    let (stretch, rule) = (largest_stretch(&columns), out[m * (1 + n)][i]);
-                    let bounds = rule >= stretch * (1.0 - BOUND_TOLERANCE);
-                    if stretch.is_finite() && !bounds {
-                        return Err(format!(
-                            "at z = {} with {params:?}: the rule is marked exact; expected at least the stretch {stretch}, found {rule}",
-                            shown(p)
-                        ));
-                    }
+                for &by in self.states() {
+                    self.bound_by(width, &params, &points, by)?;
                 }
             }
         }
         Ok(())
+    }
+
+    /// Of a step that remembers the rule bounds the stretch by each of the two states, the other one at rest.
+    fn bound_by(&self, width: u8, params: &Params, points: &[Vec<f64>], by: u16) -> Result<(), String> {
+        let arena = Rc::new(Arena::default());
+        let kernel = Kernel::Map(self.jacobian_by(&arena, width, params, (by, true))?);
+        let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns_by(width, points, by));
+        let out = out.map_err(|e| e.to_string())?;
+        let n = usize::from(width);
+        let m = image_width(self.step, n);
+        for (i, p) in points.iter().enumerate() {
+            let columns: Vec<Vec<f64>> = (0..n).map(|a| (0..m).map(|k| out[m * (1 + a) + k][i]).collect()).collect();
+            let (stretch, rule) = (largest_stretch(&columns), out[m * (1 + n)][i]);
+            let bounds = rule >= stretch * (1.0 - BOUND_TOLERANCE);
+            let name = if by == BEFORE { "before" } else { "z" };
+            if stretch.is_finite() && !bounds {
+                return Err(format!(
+                    "at {name} = {} with {params:?}: the rule is marked exact; expected at least the stretch {stretch}, found {rule}",
+                    shown(p)
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Inputs that a step is differentiated by.
+    fn states(&self) -> &'static [u16] {
+        if self.step.remembers() { &[0, BEFORE] } else { &[0] }
+    }
+
+    /// Columns where the input `by` runs over the states: the others are fixed, their running derivatives 0.
+    fn columns_by(width: u8, states: &[Vec<f64>], by: u16) -> Vec<Vec<f64>> {
+        let mut columns = Self::columns(width, states);
+        if by == BEFORE {
+            let n = usize::from(width);
+            (0..n).for_each(|i| columns.swap(i, usize::from(BEFORE) * n + i));
+            columns.swap(3 * n, 3 * n + 1);
+        }
+        columns
     }
 }
 

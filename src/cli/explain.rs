@@ -9,7 +9,9 @@ use bulbfold::diag::Diagnostics;
 use bulbfold::expr::{Arena, Function, Port, Type, print};
 use bulbfold::formula::embedded;
 use bulbfold::formula::shape::ShapeDistance;
-use bulbfold::formula::step::{Growth, ParamKind, ParamValue, ScalarRule, StateWidth, Step, StepInputs, script_value};
+use bulbfold::formula::step::{
+    Growth, ParamKind, ParamValue, ScalarRule, StateWidth, Step, StepInputs, Traced, script_value,
+};
 use bulbfold::graph::{EstimateSettings, ValidGraph, print as graph_print};
 use bulbfold::kernel::{Kernel, wgsl};
 use bulbfold::render::{RenderSettings, compose_pipeline};
@@ -186,6 +188,10 @@ fn number(x: f64) -> String {
 fn example_row(example: &bulbfold::formula::step::StepExample) -> Vec<String> {
     let mut params: Vec<String> = example.params.iter().map(|(name, v)| format!("{name}: {}", value_text(v))).collect();
     params.extend(example.c.as_ref().map(|c| format!("c: {}", numbers(c))));
+    params.extend(example.before.as_ref().map(|before| format!("before: {}", numbers(before))));
+    if example.before_dr != 0.0 {
+        params.push(format!("before_dr: {}", number(example.before_dr)));
+    }
     let dr = |pick: fn((f64, f64)) -> f64| example.dr.map(|dr| number(pick(dr))).unwrap_or_default();
     vec![numbers(&example.z), params.join(", "), numbers(&example.expect), dr(|dr| dr.0), dr(|dr| dr.1)]
 }
@@ -194,7 +200,10 @@ fn example_row(example: &bulbfold::formula::step::StepExample) -> Vec<String> {
 fn code_blocks(session: &Session, step: &Step) -> Result<Vec<Block>, Failure> {
     let arena = Rc::new(Arena::default());
     let ty = if step.state == StateWidth::Four { Type::V4 } else { Type::V3 };
-    let ports = vec![Port::new("z", ty), Port::new("c", ty), Port::new("dr", Type::F)];
+    let mut ports = vec![Port::new("z", ty), Port::new("c", ty), Port::new("dr", Type::F)];
+    if step.remembers() {
+        ports.extend([Port::new("before", ty), Port::new("before_dr", Type::F)]);
+    }
     let mut function = Function::new(step.name.clone(), ports);
     let inputs = function.input_exprs(&arena);
     let params =
@@ -205,7 +214,8 @@ fn code_blocks(session: &Session, step: &Step) -> Result<Vec<Block>, Failure> {
         function.output("distance", distance.map_err(|diagnostic| session.failure(diagnostic))?);
         return Ok(code_of(session, step, &arena, function));
     }
-    let ports = StepInputs { z: inputs[0], c: inputs[1], dr: Some(inputs[2]) };
+    let before = step.remembers().then(|| Traced { z: inputs[3], dr: Some(inputs[4]) });
+    let ports = StepInputs { z: inputs[0], c: inputs[1], dr: Some(inputs[2]), before };
     let traced = step.trace(&library.engine, &library.sources, &arena, ports, &params);
     let traced = traced.map_err(|diagnostic| session.failure(diagnostic))?;
     function.output("z", traced.z);

@@ -109,7 +109,17 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
         let settings = wanted.or(orbit.settings.estimate);
         choices.push(choose_orbit(composer, orbit, &settings, &mut warnings)?);
     }
-    // Proofs need a march of their own, so one certified orbit makes all of them so.
+    // Proofs need a march of their own: none of the orbits has one where one of them cannot.
+    let blocks = orbits.iter().zip(&choices).find(|(_, choice)| !choice.applicable.contains(&Method::Certified));
+    if let (Some((blocking, _)), true) = (blocks, choices.iter().any(|c: &Choice| c.method.is_certified())) {
+        let name = &composer.graph.node(blocking.root).name;
+        warnings.push(format!("no orbit is certified: the method does not apply to `{name}`"));
+        for (orbit, choice) in orbits.iter().zip(&mut choices).filter(|(_, choice)| choice.method.is_certified()) {
+            let settings = EstimateSettings { method: None, ..wanted.or(orbit.settings.estimate) };
+            *choice = choose_orbit(composer, orbit, &settings, &mut warnings)?;
+        }
+    }
+    // So one certified orbit makes all of them so.
     if let Some(method) = choices.iter().map(|c: &Choice| c.method).find(|m| m.is_certified()) {
         choices.iter_mut().filter(|c| !c.method.is_certified()).for_each(|c| c.method = method);
     }
@@ -171,7 +181,8 @@ fn choose_orbit(
     let levels = orbit.settings.shape.and_then(|shape| shape.levels);
     let smooth = levels.is_some_and(|levels| matches!(levels.join, Join::SmoothUnion(_)));
     let power = if orbit.settings.shape.is_some() { 1.0 } else { growth.power };
-    let facts = Facts { blocking, has_rules: rules.is_some(), smooth, power };
+    let remembers = steps_of(composer, orbit.root).iter().find(|s| s.remembers()).map(|s| s.name.clone());
+    let facts = Facts { blocking, remembers, has_rules: rules.is_some(), smooth, power };
     let applicable: Vec<Method> = Method::ALL.into_iter().filter(|m| facts.why_not(*m).is_none()).collect();
     let blocking = &facts.blocking;
     let (mut method, mut reason) = match (blocking, rules.is_some()) {
@@ -242,6 +253,8 @@ fn choose_orbit(
 struct Facts {
     /// A step that cannot be differentiated.
     blocking: Option<String>,
+    /// An iterated step that reads its state of the time before.
+    remembers: Option<String>,
     /// Whether all steps state scalar rules.
     has_rules: bool,
     /// Whether levels are joined with rounded seams, which depend on the distances themselves.
@@ -254,6 +267,11 @@ impl Facts {
     /// Why a method does not apply; `None` where it does.
     fn why_not(&self, method: Method) -> Option<String> {
         let no_rules = || Some("not every step states a scalar rule".to_string());
+        if let (Some(step), true) = (&self.remembers, method.is_certified()) {
+            return Some(format!(
+                "the step `{step}` remembers its state of the time before, which proofs do not follow"
+            ));
+        }
         match (method, &self.blocking) {
             (Method::Own, _) => Some("an iterated map has no distance of its own, only primitives have".to_string()),
             (method, _) if self.smooth && method != Method::Scalar => {

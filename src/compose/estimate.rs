@@ -1,8 +1,9 @@
 //! What an orbit's end state says: its size, the derivative of that by the method of choice, and the distance that follows.
 
 use super::field::shape_at;
+use super::maps::Moved;
 use super::norm::{frobenius_norm, largest_singular_value, scaled_length};
-use super::orbit::{Constants, Moved, OrbitBuilder, State};
+use super::orbit::{Constants, OrbitBuilder, State};
 use super::{ComposeResult, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Type};
 use crate::graph::{DeForm, Difference, Method};

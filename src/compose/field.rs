@@ -2,7 +2,8 @@
 
 use super::choose::UNIT_F32;
 use super::footprint::{follows_footprint, is_marked};
-use super::orbit::{Moved, compose_orbit, param_map};
+use super::maps::{Moved, param_map};
+use super::orbit::compose_orbit;
 use super::placement::{Frame, Place, copies, farther_copies};
 use super::unrolled::unrolled;
 use super::value::FieldValue;

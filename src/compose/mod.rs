@@ -11,6 +11,7 @@ mod estimate;
 mod field;
 mod footprint;
 mod levels;
+mod maps;
 pub mod norm;
 mod orbit;
 mod parts;

@@ -1,23 +1,14 @@
 //! One orbit: start values and iterations with their derivatives. What the end state says is the module `estimate`'s.
 
-use rhai::Map;
-
 use super::choose::MEASURED_CYCLE;
 use super::levels::Joined;
+use super::maps::{Memory, Moved, apply, apply_all, fixed_constant};
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
-use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
-use crate::formula::script::base_scope;
-use crate::formula::step::{ParamKind, ScalarRule, Step, StepInputs, Traced, script_expr, script_value};
-use crate::formula::symbolic::to_dynamic;
-use crate::graph::{
-    Condition, Constant, DeForm, IterationMap, MapTree, Method, NodeKind, NodeRef, OrbitSettings, ParamInput,
-    resolve_schedule,
-};
+use crate::expr::{Differentiator, Expr, Function, Port, Type};
+use crate::formula::step::{ScalarRule, Step};
+use crate::graph::{Constant, DeForm, IterationMap, Method, NodeKind, NodeRef, OrbitSettings, resolve_schedule};
 use crate::kernel::{EstimatorInputs, Orbit};
-
-/// Value and scalar derivative of a map.
-pub(super) type Moved<'g> = Traced<'g>;
 
 /// What an orbit carries besides z.
 pub(super) struct Carried {
@@ -79,6 +70,55 @@ pub(super) struct State<'g> {
     pub(super) trap: Option<Expr<'g>>,
     /// Levels of the orbit's shape so far.
     pub(super) joined: Option<Joined<'g>>,
+    /// What steps that remember had the last time.
+    pub(super) before: Vec<Before<'g>>,
+}
+
+/// What a node of a step that remembers had the last time that it ran: loop variables beside the state, made only for steps
+/// that ask for them.
+#[derive(Clone)]
+pub(super) struct Before<'g> {
+    node: NodeRef,
+    z: Expr<'g>,
+    dr: Option<Expr<'g>>,
+    rows: Vec<Expr<'g>>,
+    along: Option<Expr<'g>>,
+    shifted: Vec<Expr<'g>>,
+}
+
+impl<'g> Before<'g> {
+    /// Nothing yet: zeros of the types that the state has.
+    fn nothing(node: NodeRef, state: &State<'g>) -> Before<'g> {
+        let zero = |e: &Expr<'g>| e.arena.constant(e.ty(), [0.0; 4]);
+        Before {
+            node,
+            z: zero(&state.z),
+            dr: state.dr.as_ref().map(zero),
+            rows: state.rows.iter().map(zero).collect(),
+            along: state.along.as_ref().map(zero),
+            shifted: state.shifted.iter().map(zero).collect(),
+        }
+    }
+
+    fn parts(&self) -> impl Iterator<Item = (&'static str, Expr<'g>)> {
+        let numbered = |names: [&'static str; 4], list: &[Expr<'g>]| names.into_iter().zip(list.to_vec());
+        let rows = numbered(["j_x", "j_y", "j_z", "j_w"], &self.rows);
+        let shifted = numbered(["z_x", "z_y", "z_z", "z_w"], &self.shifted);
+        let first = [("z", Some(self.z)), ("dr", self.dr)].into_iter().filter_map(|(name, e)| e.map(|e| (name, e)));
+        first.chain(rows).chain(self.along.map(|e| ("along", e))).chain(shifted)
+    }
+
+    /// The same parts, each made another in the order of [`Before::parts`].
+    fn map(&self, mut other: impl FnMut(Expr<'g>) -> Expr<'g>) -> Before<'g> {
+        Before {
+            node: self.node,
+            z: other(self.z),
+            dr: self.dr.map(&mut other),
+            rows: self.rows.iter().map(|e| other(*e)).collect(),
+            along: self.along.map(&mut other),
+            shifted: self.shifted.iter().map(|e| other(*e)).collect(),
+        }
+    }
 }
 
 impl<'g> State<'g> {
@@ -96,6 +136,9 @@ impl<'g> State<'g> {
         if let Some(joined) = &self.joined {
             parts.push(("level".to_string(), joined.d));
             parts.extend(joined.gradient.map(|gradient| ("level_gradient".to_string(), gradient)));
+        }
+        for (i, before) in self.before.iter().enumerate() {
+            parts.extend(before.parts().map(|(name, e)| (format!("before_{i}_{name}"), e)));
         }
         parts
     }
@@ -118,7 +161,17 @@ impl<'g> State<'g> {
                 .joined
                 .as_ref()
                 .map(|joined| Joined { d: input(joined.d), gradient: joined.gradient.map(&mut input) }),
+            before: self.before.iter().map(|before| before.map(&mut input)).collect(),
         }
+    }
+
+    /// What z and its running derivative, or the i-th shifted orbit, remember.
+    fn memory(&self, shifted: Option<usize>) -> Memory<'g> {
+        let of = |before: &Before<'g>| match shifted {
+            None => (before.node, Moved { z: before.z, dr: before.dr }),
+            Some(i) => (before.node, Moved { z: before.shifted[i], dr: None }),
+        };
+        Memory::of(self.before.iter().map(of))
     }
 
     pub(super) fn ports(&self) -> Vec<Port> {
@@ -159,12 +212,14 @@ pub(super) fn compose_orbit(
     let width = composer.graph.state_width(root, settings);
     let mut carried = Carried::of(choice, purpose);
     carried.traps &= composer.graph.look.reads_traps();
-    OrbitBuilder { composer, settings, frame, width, carried, choice, purpose }.build(name, root)
+    OrbitBuilder { composer, settings, root, frame, width, carried, choice, purpose }.build(name)
 }
 
 pub(super) struct OrbitBuilder<'a> {
     pub(super) composer: &'a Composer<'a>,
     pub(super) settings: &'a OrbitSettings,
+    /// The map that it iterates.
+    pub(super) root: NodeRef,
     pub(super) frame: &'a Frame,
     pub(super) width: u8,
     pub(super) carried: Carried,
@@ -173,9 +228,9 @@ pub(super) struct OrbitBuilder<'a> {
 }
 
 impl<'a> OrbitBuilder<'a> {
-    fn build(&self, name: String, root: NodeRef) -> ComposeResult<Orbit> {
+    fn build(&self, name: String) -> ComposeResult<Orbit> {
         let (maps, schedule) =
-            resolve_schedule(self.composer.graph, root, self.settings.constant, self.settings.max_iterations);
+            resolve_schedule(self.composer.graph, self.root, self.settings.constant, self.settings.max_iterations);
         let (start, constants) = self.start()?;
         let (init, frozen, constants) = self.freeze(&name, &start, constants, &maps);
         let inputs = start.as_inputs(0);
@@ -240,7 +295,11 @@ impl<'a> OrbitBuilder<'a> {
             shifted: shifted.clone(),
             trap: self.carried.traps.then_some(far),
             joined: None,
+            before: Vec::new(),
         };
+        let before = remembering(self.composer, self.root).into_iter();
+        let before = before.map(|node| Before::nothing(node, &state)).collect();
+        let state = State { before, ..state };
         let dc = first.dr.unwrap_or_else(|| arena.f(0.0));
         let constants = Constants { c: first.z, dc, rows, along, shifted, h, hit_eps };
         let state = self.with_level(state, None, &constants, arena.f(0.0))?;
@@ -307,30 +366,42 @@ impl<'a> OrbitBuilder<'a> {
         let weight = item.constant.start_weight();
         let c = self.constant(item.constant, constants.c);
         let input = Moved { z: state.z, dr: state.dr };
-        let moved = apply(self.composer, &item.map, input, c, n)?;
+        let mut memory = state.memory(None);
+        let moved = apply(self.composer, &item.map, input, c, n, &mut memory)?;
         let z = moved.z + c;
         let dr = moved.dr.map(|dr| dr + constants.dc * weight);
-        let rows = match self.carried.jacobian {
-            true => {
-                let seeds = [(state.z, state.rows.clone()), (constants.c, constants.rows.clone())];
-                Differentiator::of_gradients(arena, &seeds).tangents(z)
-            }
-            false => Vec::new(),
-        };
+        let mut before: Vec<Before> = state.before.clone();
+        for (before, now) in before.iter_mut().zip(memory.values()) {
+            (before.z, before.dr) = (now.z, now.dr);
+        }
+        let mut rows = Vec::new();
+        if self.carried.jacobian {
+            let mut seeds = vec![(state.z, state.rows.clone()), (constants.c, constants.rows.clone())];
+            seeds.extend(state.before.iter().map(|before| (before.z, before.rows.clone())));
+            let mut differentiator = Differentiator::of_gradients(arena, &seeds);
+            rows = differentiator.tangents(z);
+            before.iter_mut().for_each(|before| before.rows = differentiator.tangents(before.z));
+        }
         let along = state.along.zip(constants.along).map(|(along, c_along)| {
-            Differentiator::new(arena, &[(state.z, along), (constants.c, c_along)]).derivative(z)
+            let mut seeds = vec![(state.z, along), (constants.c, c_along)];
+            seeds.extend(state.before.iter().filter_map(|before| Some((before.z, before.along?))));
+            let mut differentiator = Differentiator::new(arena, &seeds);
+            before.iter_mut().for_each(|before| before.along = Some(differentiator.derivative(before.z)));
+            differentiator.derivative(z)
         });
         let mut shifted = Vec::new();
-        for (z, c) in state.shifted.iter().zip(&constants.shifted) {
+        for (i, (z, c)) in state.shifted.iter().zip(&constants.shifted).enumerate() {
             let c = self.constant(item.constant, *c);
-            let moved = apply(self.composer, &item.map, Moved { z: *z, dr: None }, c, n)?;
+            let mut memory = state.memory(Some(i));
+            let moved = apply(self.composer, &item.map, Moved { z: *z, dr: None }, c, n, &mut memory)?;
+            before.iter_mut().zip(memory.values()).for_each(|(before, now)| before.shifted[i] = now.z);
             shifted.push(moved.z + c);
         }
         let trap = state.trap.map(|trap| {
             let sizes = z.xyz().abs().components();
             trap.min(arena.compose(&[z.xyz().dot(z.xyz()), sizes[0], sizes[1], sizes[2]]))
         });
-        let next = State { z, dr, rows, along, shifted, trap, joined: None };
+        let next = State { z, dr, rows, along, shifted, trap, joined: None, before };
         self.with_level(next, state.joined.as_ref(), constants, n + 1.0)
     }
 
@@ -341,129 +412,6 @@ impl<'a> OrbitBuilder<'a> {
 
     pub(super) fn apply_all(&self, nodes: &[NodeRef], moved: Moved<'a>, c: Expr<'a>) -> ComposeResult<Moved<'a>> {
         apply_all(self.composer, nodes, moved, c)
-    }
-}
-
-/// What an iteration adds, from the start point's constant.
-pub(super) fn fixed_constant<'a>(arena: &'a Arena, constant: Constant, c: Expr<'a>) -> Expr<'a> {
-    let fixed = |v: [f64; 3]| arena.constant(c.ty(), [v[0], v[1], v[2], 0.0]);
-    match constant {
-        Constant::Mandelbrot => c,
-        Constant::Julia(v) => fixed(v),
-        Constant::Mix(v, amount) => c * (1.0 - amount) + fixed(v) * amount,
-        Constant::Off => c.lift(0.0),
-    }
-}
-
-/// Applies maps one after the other, each as its first iteration.
-pub(super) fn apply_all<'a>(
-    composer: &Composer<'a>,
-    nodes: &[NodeRef],
-    mut moved: Moved<'a>,
-    c: Expr<'a>,
-) -> ComposeResult<Moved<'a>> {
-    let n = composer.arena.f(0.0);
-    for node in nodes {
-        let (maps, _) = resolve_schedule(composer.graph, *node, Constant::Off, 1);
-        moved = apply(composer, &maps[0].map, moved, c, n)?;
-    }
-    Ok(moved)
-}
-
-/// Applies a map to a state.
-pub(super) fn apply<'a>(
-    composer: &Composer<'a>,
-    map: &MapTree,
-    input: Moved<'a>,
-    c: Expr<'a>,
-    n: Expr<'a>,
-) -> ComposeResult<Moved<'a>> {
-    let again = |m: &Moved<'a>| Moved { z: m.z, dr: m.dr };
-    match map {
-        MapTree::Identity => Ok(input),
-        MapTree::Step(node) => apply_step(composer, *node, input, c, n),
-        MapTree::Sequence(parts) => parts.iter().try_fold(input, |moved, part| apply(composer, part, moved, c, n)),
-        MapTree::Repeat(of, times) => (0..*times).try_fold(input, |moved, _| apply(composer, of, moved, c, n)),
-        MapTree::Blend(a, b, weight) => {
-            let a = apply(composer, a, again(&input), c, n)?;
-            let b = apply(composer, b, input, c, n)?;
-            let z = a.z * (1.0 - weight) + b.z * *weight;
-            let dr = a.dr.zip(b.dr).map(|(a, b)| a * (1.0 - weight).abs() + b * weight.abs());
-            Ok(Moved { z, dr })
-        }
-        MapTree::Choose(when, then, otherwise) => {
-            let holds = condition(*when, input.z);
-            let then = apply(composer, then, again(&input), c, n)?;
-            let otherwise = apply(composer, otherwise, input, c, n)?;
-            let dr = then.dr.zip(otherwise.dr).map(|(a, b)| holds.select(a, b));
-            Ok(Moved { z: holds.select(then.z, otherwise.z), dr })
-        }
-    }
-}
-
-pub(super) fn condition<'g>(when: Condition, z: Expr<'g>) -> Expr<'g> {
-    let arena = z.arena;
-    match when {
-        Condition::RadiusBelow(limit) => z.dot(z).lt(arena.f(limit * limit)),
-        Condition::RadiusAbove(limit) => arena.f(limit * limit).lt(z.dot(z)),
-        Condition::Negative(axis) => z.component(axis.min(z.ty().width - 1)).lt(arena.f(0.0)),
-        Condition::Positive(axis) => arena.f(0.0).lt(z.component(axis.min(z.ty().width - 1))),
-        // Conditions on the iteration number were decided by the schedule.
-        Condition::IterationBelow(_) | Condition::IterationEvery(_) => arena.bool(true),
-    }
-}
-
-fn apply_step<'a>(
-    composer: &Composer<'a>,
-    node: NodeRef,
-    input: Moved<'a>,
-    c: Expr<'a>,
-    n: Expr<'a>,
-) -> ComposeResult<Moved<'a>> {
-    let place = composer.graph.node(node);
-    let NodeKind::Step { step, params } = &place.kind else {
-        return Ok(input); // the schedule makes `MapTree::Step` of step nodes only
-    };
-    let map = param_map(composer, step, params, n);
-    let narrow = step.state == crate::formula::step::StateWidth::Three && input.z.ty().width == 4;
-    let before = input.dr;
-    let inputs = StepInputs { z: input.z, c, dr: input.dr };
-    let library = composer.library;
-    let mut moved = step
-        .trace(&library.engine, &library.sources, composer.arena, inputs, &map)
-        .map_err(|error| error.label(place.span, format!("used by the node `{}`", place.name)))?;
-    if narrow {
-        // w is left as it was, so the derivative cannot shrink below what it had.
-        moved.dr = moved.dr.zip(before).map(|(after, before)| after.max(before));
-    }
-    Ok(moved)
-}
-
-/// A step's parameters as its script sees them.
-pub(super) fn param_map<'a>(composer: &Composer<'a>, step: &Step, params: &[ParamInput], n: Expr<'a>) -> Map {
-    let mut map = Map::new();
-    for (param, value) in step.params.iter().zip(params) {
-        map.insert(param.name.as_str().into(), param_value(composer, &param.kind, value, n));
-    }
-    map
-}
-
-fn param_value<'a>(composer: &Composer<'a>, kind: &ParamKind, value: &ParamInput, n: Expr<'a>) -> rhai::Dynamic {
-    match value {
-        ParamInput::Known(value) => script_value(composer.arena, kind, value),
-        ParamInput::OfIteration(text) => {
-            let mut scope = base_scope();
-            for param in &composer.graph.params {
-                scope.push_constant(param.name.clone(), param.value);
-            }
-            scope.push_constant_dynamic("n", to_dynamic(composer.arena, n));
-            let value = composer.library.engine.expression(text, &mut scope).unwrap_or(rhai::Dynamic::UNIT);
-            match (value.read_lock::<crate::formula::symbolic::Symbol>(), value.as_float()) {
-                (Some(symbol), _) => script_expr(composer.arena, kind, composer.arena.expr(symbol.expr().id)),
-                (None, Ok(x)) => script_expr(composer.arena, kind, composer.arena.f(x)),
-                _ => rhai::Dynamic::from_float(value.as_int().map_or(f64::NAN, |i| i as f64)),
-            }
-        }
     }
 }
 
@@ -480,8 +428,9 @@ pub fn compose_growth(
     let z = composer.arena.input(0, Type::F.with_width(width));
     let n = composer.arena.f(0.0);
     let mut moved = Moved { z, dr: None };
+    let mut memory = Memory::nothing(composer, root, moved);
     for item in schedule.cycle.iter().take(MEASURED_CYCLE) {
-        moved = apply(composer, &maps[*item].map, moved, z.lift(0.0), n)?;
+        moved = apply(composer, &maps[*item].map, moved, z.lift(0.0), n, &mut memory)?;
     }
     function.output("r", moved.z.length());
     Ok((function, schedule.cycle.len().min(MEASURED_CYCLE)))
@@ -489,6 +438,15 @@ pub fn compose_growth(
 
 /// The steps of a node and of all it is wired to.
 pub(super) fn steps_of<'g>(composer: &'g Composer, root: NodeRef) -> Vec<&'g Step> {
+    step_nodes(composer, root).into_iter().map(|(_, step)| step).collect()
+}
+
+/// Nodes of the steps that remember what they had before.
+pub(super) fn remembering(composer: &Composer, root: NodeRef) -> Vec<NodeRef> {
+    step_nodes(composer, root).into_iter().filter(|(_, step)| step.remembers()).map(|(node, _)| node).collect()
+}
+
+fn step_nodes<'g>(composer: &'g Composer, root: NodeRef) -> Vec<(NodeRef, &'g Step)> {
     let mut stack = vec![root];
     let mut seen = vec![false; composer.graph.nodes.len()];
     let mut steps = Vec::new();
@@ -498,7 +456,7 @@ pub(super) fn steps_of<'g>(composer: &'g Composer, root: NodeRef) -> Vec<&'g Ste
         }
         let kind = &composer.graph.node(of).kind;
         if let NodeKind::Step { step, .. } = kind {
-            steps.push(&**step);
+            steps.push((of, &**step));
         }
         stack.extend(kind.wires());
     }
@@ -524,8 +482,8 @@ pub(super) fn compose_membership(
     let choice = Choice { form: if is_shape { DeForm::End } else { choice.form }, ..choice };
     let carried = Carried::NOTHING;
     let purpose = Purpose::Estimate;
-    let builder = OrbitBuilder { composer, settings, frame: &frame, width, carried, choice: &choice, purpose };
-    let orbit = builder.build("membership".to_string(), root)?;
+    let builder = OrbitBuilder { composer, settings, root, frame: &frame, width, carried, choice: &choice, purpose };
+    let orbit = builder.build("membership".to_string())?;
     let mut inputs = crate::kernel::Estimator::inputs();
     inputs.extend(orbit.finish.output_ports());
     inputs.push(Port::new("inside", Type::B));

@@ -35,8 +35,8 @@ pub fn iteration_parts(composer: &Composer, orbit: &FieldOrbit, choice: &Choice)
     let settings = &orbit.settings;
     let (maps, _) = resolve_schedule(composer.graph, orbit.root, settings.constant, settings.max_iterations);
     let width = composer.graph.state_width(orbit.root, &orbit.settings);
-    let (frame, purpose) = (&orbit.frame, Purpose::March);
-    let with = |carried| OrbitBuilder { composer, settings, frame, width, carried, choice, purpose };
+    let (root, frame, purpose) = (orbit.root, &orbit.frame, Purpose::March);
+    let with = |carried| OrbitBuilder { composer, settings, root, frame, width, carried, choice, purpose };
     let (value, all) = (with(Carried::NOTHING), with(Carried::of(choice, purpose)));
     let taker = Taker { value: Opened::new(&value, &maps)?, all: Opened::new(&all, &maps)? };
     maps.iter().map(|map| taker.take(composer, map)).collect()

@@ -1,7 +1,7 @@
 //! Placed fields: points from the world into a node's own frame, and distances back.
 
 use super::certified::growth_of;
-use super::orbit::{Moved, apply_all};
+use super::maps::{Moved, apply_all};
 use super::{ComposeResult, Composer};
 use crate::expr::Expr;
 use crate::graph::{NodeRef, Placement, Tiling};

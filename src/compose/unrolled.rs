@@ -1,7 +1,8 @@
 //! Orbits inside end shapes: their few iterations become part of the expression that the end is looked up in.
 
+use super::maps::{Memory, Moved, apply, apply_all, fixed_constant};
 use super::norm::scaled_length;
-use super::orbit::{Moved, apply, apply_all, fixed_constant, scalar_rules, steps_of};
+use super::orbit::{scalar_rules, steps_of};
 use super::{ComposeResult, Composer};
 use crate::expr::{Differentiator, Expr};
 use crate::formula::step::Growth;
@@ -35,10 +36,11 @@ pub(super) fn unrolled<'g>(
     let limit = arena.f(settings.escape_radius * settings.escape_radius);
     let (maps, schedule) = resolve_schedule(composer.graph, root, settings.constant, settings.max_iterations);
     let mut stays = z.dot(z).le(limit);
+    let mut memory = Memory::nothing(composer, root, Moved { z, dr });
     for n in 0..settings.max_iterations {
         let item = &maps[schedule.item(n as usize)];
         let added = fixed_constant(arena, item.constant, c);
-        let next = apply(composer, &item.map, Moved { z, dr }, added, arena.f(f64::from(n)))?;
+        let next = apply(composer, &item.map, Moved { z, dr }, added, arena.f(f64::from(n)), &mut memory)?;
         let weight = item.constant.start_weight();
         let next_dr = next.dr.zip(dc).map(|(dr, dc)| dr + dc * weight);
         dr = dr.zip(next_dr).map(|(before, after)| stays.select(after, before));

@@ -85,6 +85,10 @@ fn plain_line(name: &str, text: &Text) -> String {
 pub fn latex_name(name: &str, ty: Type) -> String {
     let primes = name.chars().rev().take_while(|c| *c == '\'').count();
     let stem = &name[..name.len() - primes];
+    // What is in braces is an index.
+    if let Some((stem, index)) = stem.split_once("_{") {
+        return format!("{}_{{{index}{}", latex_name(stem, ty), "'".repeat(primes));
+    }
     let font = match (stem.chars().count(), ty.width) {
         (1, 1) => stem.to_string(),
         (1, _) => format!("\\mathbf{{{stem}}}"),

@@ -59,7 +59,7 @@ pub(super) fn check_shape(ast: &AST, span: Span, has_rule: bool, d: &mut Diagnos
     if !has_distance(ast) {
         d.push(Diagnostic::error("the file has no `fn distance(z, p)`").label(span, "described here as a shape"));
     }
-    let has_step = ast.iter_functions().any(|f| f.name == "step" && f.params.len() == 3);
+    let has_step = ast.iter_functions().any(|f| f.name == "step" && (3..=4).contains(&f.params.len()));
     if has_step || has_rule {
         let message = "a file is either a map, with `fn step`, or a shape, with `fn distance`";
         d.push(Diagnostic::error(message).label(span, "").help("leave out `distance`, or `fn step` and `scalar_rule`"));

@@ -1,16 +1,17 @@
 //! Step files: one map of the orbit state, its scalar rule, its description and its worked examples.
 
+mod read;
 mod rules;
+
+pub use read::{decode_param, unknown_param};
 
 use std::rc::Rc;
 
 use rhai::{AST, Dynamic, Map};
 
-use super::decode::{Fields, FromValue, entries};
 use super::script::{ScriptEngine, base_scope, to_value};
 use super::shape::ShapeDistance;
 use super::symbolic::{Symbol, to_dynamic};
-use super::value::{Value, ValueKind};
 use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
 use crate::expr::{Arena, Expr, Type};
 
@@ -140,17 +141,22 @@ pub struct StepExample {
     pub z: Vec<f64>,
     /// Constant that the step may read.
     pub c: Option<Vec<f64>>,
+    /// What a step that remembers had before; 0 where it is not given.
+    pub before: Option<Vec<f64>>,
     /// Parameters that differ from the defaults.
     pub params: Vec<(String, ParamValue)>,
     /// State after.
     pub expect: Vec<f64>,
     /// Running derivative before and after.
     pub dr: Option<(f64, f64)>,
+    /// Running derivative of what a step that remembers had before.
+    pub before_dr: f64,
     /// Absolute tolerance near 0, relative elsewhere, in f64.
     pub tolerance: f64,
 }
 
 /// What a traced step made of the state.
+#[derive(Clone, Copy)]
 pub struct Traced<'g> {
     /// State after.
     pub z: Expr<'g>,
@@ -180,9 +186,9 @@ impl Step {
             }
         };
         let start = sources.text(text).rfind("\n#{").map_or(0, |at| at + 1);
-        let place = |field: Option<&str>| description_span(sources, text, start, field);
+        let place = |field: Option<&str>| read::description_span(sources, text, start, field);
         let description = to_value(&description, &place);
-        decode_step(name, text, ast, &description, diagnostics)
+        read::decode_step(name, text, ast, &description, diagnostics)
     }
 
     /// The parameter of this name.
@@ -206,7 +212,11 @@ impl Step {
         let embeds = self.state == StateWidth::Embeds;
         let (z, c) = if narrow || embeds { (full.xyz(), inputs.c.xyz()) } else { (full, inputs.c) };
         let script = |e: Expr<'g>| Dynamic::from(Symbol::new(arena, e));
-        let args = vec![script(z), script(c), Dynamic::from(params.clone())];
+        let mut args = vec![script(z), script(c), Dynamic::from(params.clone())];
+        let before = inputs.before.map_or(z.lift(0.0), |before| if narrow { before.z.xyz() } else { before.z });
+        if self.remembers() {
+            args.push(script(before));
+        }
         let result = engine.call(sources, self.text, &self.ast, "step", args)?;
         let image = if embeds { Type::V4 } else { z.ty() };
         let mut after = self.returned(sources, arena, &result, image, "step")?;
@@ -216,7 +226,11 @@ impl Step {
         }
         let dr = match (inputs.dr, self.scalar_rule) {
             (Some(dr), Some(_)) => {
-                let args = vec![script(z), script(dr), Dynamic::from(params.clone())];
+                let mut args = vec![script(z), script(dr), Dynamic::from(params.clone())];
+                if self.remembers() {
+                    let before_dr = inputs.before.and_then(|before| before.dr).unwrap_or_else(|| arena.f(0.0));
+                    args.extend([script(before), script(before_dr)]);
+                }
                 let result = engine.call(sources, self.text, &self.ast, "derivative", args)?;
                 Some(self.returned(sources, arena, &result, Type::F, "derivative")?)
             }
@@ -225,6 +239,11 @@ impl Step {
         // What is built after the step is not the step's.
         arena.set_span(Span::NONE);
         Ok(Traced { z: after, dr })
+    }
+
+    /// Whether the step reads what state it had the last time that it ran: its function has a fourth argument.
+    pub fn remembers(&self) -> bool {
+        self.has_function("step", REMEMBERING.0)
     }
 
     /// True where the step file has a function of this name and number of arguments.
@@ -263,7 +282,19 @@ pub struct StepInputs<'g> {
     pub c: Expr<'g>,
     /// Running derivative, where it is followed.
     pub dr: Option<Expr<'g>>,
+    /// State and running derivative that went in the last time, for steps that remember them; 0 where there is none.
+    pub before: Option<Traced<'g>>,
 }
+
+impl<'g> StepInputs<'g> {
+    /// Inputs of a step that runs for the first time.
+    pub fn first(z: Expr<'g>, c: Expr<'g>, dr: Option<Expr<'g>>) -> StepInputs<'g> {
+        StepInputs { z, c, dr, before: None }
+    }
+}
+
+/// Arguments of `fn step(z, c, p, before)` and `fn derivative(z, dr, p, before, before_dr)`.
+const REMEMBERING: (usize, usize) = (4, 5);
 
 /// A parameter's value as its step's script sees it: radians, rows as vectors.
 pub fn script_value(arena: &Rc<Arena>, kind: &ParamKind, value: &ParamValue) -> Dynamic {
@@ -284,242 +315,3 @@ pub fn script_expr(arena: &Rc<Arena>, kind: &ParamKind, value: Expr<'_>) -> Dyna
     let value = if *kind == ParamKind::Angle { value * (std::f64::consts::PI / 180.0) } else { value };
     to_dynamic(arena, value)
 }
-
-/// Place of a field of the description that starts there: its first mention, else the start.
-fn description_span(sources: &Sources, id: SourceId, start: usize, field: Option<&str>) -> Span {
-    let text = sources.text(id);
-    let found = field.and_then(|f| text[start..].find(&format!("{f}:")).map(|at| (start + at, f.len())));
-    let (at, len) = found.unwrap_or((start, 2.min(text.len() - start)));
-    Span::new(id, at, at + len)
-}
-
-fn decode_step(name: &str, text: SourceId, ast: AST, description: &Value, d: &mut Diagnostics) -> Option<Step> {
-    let errors = d.error_count();
-    let mut fields = Fields::new(description, "a step's description", d)?;
-    let group = fields.required::<String>("group", d).unwrap_or_default();
-    let summary = fields.required::<String>("summary", d).unwrap_or_default();
-    let inventor = fields.or("inventor", String::new(), d);
-    let year = fields.optional::<u32>("year", d);
-    let source = fields.required::<String>("source", d).unwrap_or_default();
-    let notes = fields.or("notes", String::new(), d);
-    let state = fields.or("state", StateWidth::Three, d);
-    let growth = fields.optional::<Growth>("growth", d);
-    let scalar_rule = fields.optional::<ScalarRule>("scalar_rule", d);
-    let differentiable = fields.or("differentiable", true, d);
-    let distance = fields.optional::<ShapeDistance>("distance", d);
-    let params: Vec<StepParam> = fields.or("params", Vec::new(), d);
-    let example_values: Vec<Value> = fields.or("examples", Vec::new(), d);
-    fields.finish(d);
-    let examples =
-        example_values.iter().filter_map(|v| decode_example(v, &params, (state, distance.is_some()), d)).collect();
-    match distance {
-        Some(_) => super::shape::check_shape(&ast, description.span, scalar_rule.is_some(), d),
-        None => check_functions(&ast, description.span, scalar_rule.is_some(), d),
-    }
-    (d.error_count() == errors).then(|| Step {
-        name: name.to_string(),
-        text,
-        group,
-        summary,
-        inventor,
-        year,
-        source,
-        notes,
-        state,
-        growth,
-        scalar_rule,
-        differentiable,
-        params,
-        distance,
-        examples,
-        ast,
-    })
-}
-
-fn check_functions(ast: &AST, span: Span, has_rule: bool, d: &mut Diagnostics) {
-    let has = |name: &str| ast.iter_functions().any(|f| f.name == name && f.params.len() == 3);
-    if !has("step") && super::shape::has_distance(ast) {
-        let message = "there is a `fn distance(z, p)`, but `distance` does not say what it is worth";
-        d.push(Diagnostic::error(message).label(span, "").help("`distance` is \"exact\" or \"bound\""));
-    } else if !has("step") {
-        d.push(Diagnostic::error("the file has no `fn step(z, c, p)`").label(span, "described here"));
-    }
-    if has("derivative") != has_rule {
-        let message = if has_rule {
-            "`scalar_rule` is given, but there is no `fn derivative(z, dr, p)`"
-        } else {
-            "there is a `fn derivative(z, dr, p)`, but `scalar_rule` does not say what it is worth"
-        };
-        d.push(Diagnostic::error(message).label(span, "").help("`scalar_rule` is \"exact\" or \"heuristic\""));
-    }
-}
-
-fn decode_example(
-    value: &Value,
-    params: &[StepParam],
-    (state, is_shape): (StateWidth, bool),
-    d: &mut Diagnostics,
-) -> Option<StepExample> {
-    let mut fields = Fields::new(value, "an example", d)?;
-    let z = fields.required::<Vec<f64>>("z", d);
-    let c = fields.optional::<Vec<f64>>("c", d);
-    let expect = match is_shape {
-        true => fields.required::<f64>("expect", d).map(|distance| vec![distance]),
-        false => fields.required::<Vec<f64>>("expect", d),
-    };
-    let dr = fields.optional::<f64>("dr", d);
-    let expect_dr = fields.optional::<f64>("expect_dr", d);
-    let tolerance = fields.or("tolerance", 1e-6, d);
-    let given = fields.optional_value("params");
-    fields.finish(d);
-    let mut values = Vec::new();
-    for (name, value) in given.map(|v| entries(v, "parameters", d)).unwrap_or_default() {
-        match params.iter().find(|p| p.name == name.text) {
-            Some(param) => values.extend(decode_param(param, value, d).map(|v| (name.text.clone(), v))),
-            None => d.push(unknown_param(&name.text, name.span, params)),
-        }
-    }
-    let (z, expect) = (z?, expect?);
-    let fits = match state {
-        StateWidth::Embeds => z.len() == 3 && expect.len() == 4,
-        _ => (3..=4).contains(&z.len()) && (is_shape || z.len() == expect.len()),
-    };
-    if !fits {
-        d.push(Diagnostic::error("`z` and `expect` need three or four components each").label(value.span, ""));
-        return None;
-    }
-    Some(StepExample { z, c, params: values, expect, dr: dr.zip(expect_dr), tolerance })
-}
-
-/// The message for a parameter that a step does not have.
-pub fn unknown_param(name: &str, span: Span, params: &[StepParam]) -> Diagnostic {
-    let names: Vec<&str> = params.iter().map(|p| p.name.as_str()).collect();
-    let diagnostic =
-        Diagnostic::error(format!("unknown parameter `{name}`")).label(span, "").did_you_mean(name, names.clone());
-    match (diagnostic.help.is_empty(), names.is_empty()) {
-        (true, false) => diagnostic.help(format!("its parameters are: {}", names.join(", "))),
-        (true, true) => diagnostic.help("it has no parameters"),
-        _ => diagnostic,
-    }
-}
-
-/// Reads a plain value for a parameter and checks its range.
-pub fn decode_param(param: &StepParam, value: &Value, d: &mut Diagnostics) -> Option<ParamValue> {
-    let in_range = |x: f64, d: &mut Diagnostics| {
-        super::decode::check_range(x, param.min, param.max, &format!("`{}`", param.name), value.span, d)
-    };
-    match &param.kind {
-        ParamKind::Bool => bool::from_value(value, d).map(ParamValue::Bool),
-        ParamKind::Float | ParamKind::Angle => {
-            let x = f64::from_value(value, d)?;
-            in_range(x, d).then_some(ParamValue::Number(x))
-        }
-        ParamKind::Int => {
-            let x = f64::from_value(value, d)?;
-            if x.fract() != 0.0 {
-                let message = format!("`{}` must be a whole number", param.name);
-                d.push(Diagnostic::error(message).label(value.span, format!("found {x}")));
-                return None;
-            }
-            in_range(x, d).then_some(ParamValue::Number(x))
-        }
-        ParamKind::Vec3 => {
-            let v = <[f64; 3]>::from_value(value, d)?;
-            v.iter().all(|&x| in_range(x, d)).then_some(ParamValue::Vector(v))
-        }
-        ParamKind::Mat3 => {
-            let rows = Vec::<[f64; 3]>::from_value(value, d)?;
-            let Ok(matrix) = <[[f64; 3]; 3]>::try_from(rows) else {
-                d.push(Diagnostic::error(format!("`{}` needs three rows", param.name)).label(value.span, ""));
-                return None;
-            };
-            matrix.iter().flatten().all(|&x| in_range(x, d)).then_some(ParamValue::Matrix(matrix))
-        }
-        ParamKind::Choice(words) => {
-            let word = match &value.kind {
-                ValueKind::Variant(name) => name.text.clone(),
-                _ => String::from_value(value, d)?,
-            };
-            if !words.contains(&word) {
-                let message = format!("`{word}` is not a value of `{}`", param.name);
-                d.push(
-                    Diagnostic::error(message)
-                        .label(value.span, "")
-                        .help(format!("its values are: {}", words.join(", "))),
-                );
-                return None;
-            }
-            Some(ParamValue::Word(word))
-        }
-    }
-}
-
-impl FromValue for StepParam {
-    const EXPECTED: &'static str = "a parameter's description";
-
-    fn from_value(value: &Value, d: &mut Diagnostics) -> Option<StepParam> {
-        let mut fields = Fields::new(value, "a parameter's description", d)?;
-        let name = fields.required::<String>("name", d);
-        let kind = fields.or("type", "float".to_string(), d);
-        let choices = fields.or("choices", Vec::<String>::new(), d);
-        let default = fields.optional_value("default");
-        let min = fields.or("min", -1e6, d);
-        let max = fields.or("max", 1e6, d);
-        let unit = fields.or("unit", String::new(), d);
-        let help = fields.required::<String>("help", d);
-        fields.finish(d);
-        let kind = match kind.as_str() {
-            "float" => ParamKind::Float,
-            "int" => ParamKind::Int,
-            "bool" => ParamKind::Bool,
-            "angle" => ParamKind::Angle,
-            "vec3" => ParamKind::Vec3,
-            "mat3" => ParamKind::Mat3,
-            "choice" => ParamKind::Choice(choices),
-            other => {
-                d.push(
-                    Diagnostic::error(format!("unknown parameter type \"{other}\""))
-                        .label(value.span, "")
-                        .help("types are: float, int, bool, angle, vec3, mat3, choice"),
-                );
-                return None;
-            }
-        };
-        let mut param = StepParam { name: name?, kind, default: ParamValue::Bool(false), min, max, unit, help: help? };
-        let Some(default) = default else {
-            d.push(Diagnostic::error(format!("parameter `{}` has no default", param.name)).label(value.span, ""));
-            return None;
-        };
-        param.default = decode_param(&param, default, d)?;
-        Some(param)
-    }
-}
-
-macro_rules! words {
-    ($type:ty, $expected:literal, $($pattern:pat => $value:expr),+) => {
-        impl FromValue for $type {
-            const EXPECTED: &'static str = $expected;
-            fn from_value(value: &Value, d: &mut Diagnostics) -> Option<Self> {
-                let word = match &value.kind {
-                    ValueKind::Str(text) => text.clone(),
-                    ValueKind::Number(x) => x.to_string(),
-                    _ => String::new(),
-                };
-                match word.as_str() {
-                    $($pattern => Some($value),)+
-                    _ => {
-                        d.push(Diagnostic::error(format!("expected {}, found {}", $expected, value.describe()))
-                            .label(value.span, ""));
-                        None
-                    }
-                }
-            }
-        }
-    };
-}
-
-words!(StateWidth, "3, 4, \"any\" or \"3 to 4\"", "3" => StateWidth::Three, "4" => StateWidth::Four,
-    "any" => StateWidth::Any, "3 to 4" => StateWidth::Embeds);
-words!(ShapeDistance, "\"exact\" or \"bound\"", "exact" => ShapeDistance::Exact, "bound" => ShapeDistance::Bound);
-words!(Growth, "\"linear\" or \"power\"", "linear" => Growth::Linear, "power" => Growth::Power);
-words!(ScalarRule, "\"exact\" or \"heuristic\"", "exact" => ScalarRule::Exact, "heuristic" => ScalarRule::Heuristic);

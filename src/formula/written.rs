@@ -1,7 +1,7 @@
 //! A step as a formula for readers: traced with its parameters as symbols wherever its script allows.
 //!
 //! A script may choose its form by a parameter's value (a loop, `if p.power == 8.0`). Such parameters keep their values, all
-//! others stand in the formula by name. Angles stand in radians.
+//! others stand in the formula by name. Angles stand in radians. What a step remembers is z_{n-1}.
 
 use std::rc::Rc;
 
@@ -18,7 +18,7 @@ pub struct Written {
     pub value: Function,
     /// dr' of z and dr, where the step has a rule.
     pub rule: Option<Function>,
-    /// J v: how much z' moves where z moves by v.
+    /// J v: how much z' moves where z moves by v, and what is remembered by v_{n-1}.
     pub tangent: Function,
     /// Parameters that have their values in the formulas.
     pub known: Vec<String>,
@@ -53,7 +53,11 @@ pub fn written(
     });
     let (z, v) = (arena.input(0, ports[0].ty), arena.input(3, ports[3].ty));
     let mut tangent = function("tangent");
-    tangent.output("J v", Differentiator::new(arena, &[(z, v)]).derivative(traced.z));
+    let mut seeds = vec![(z, v)];
+    if step.remembers() {
+        seeds.push((arena.input(4, ports[4].ty), arena.input(6, ports[6].ty)));
+    }
+    tangent.output("J v", Differentiator::new(arena, &seeds).derivative(traced.z));
     let known = step.params.iter().zip(&symbolic).filter(|(_, symbolic)| !**symbolic);
     Ok(Written { value, rule, tangent, known: known.map(|(param, _)| param.name.clone()).collect() })
 }
@@ -67,6 +71,9 @@ fn traced<'g>(
 ) -> Result<(Vec<Port>, Traced<'g>), Diagnostic> {
     let ty = if step.state == StateWidth::Four { Type::V4 } else { Type::V3 };
     let mut ports = vec![Port::new("z", ty), Port::new("c", ty), Port::new("dr", Type::F), Port::new("v", ty)];
+    if step.remembers() {
+        ports.extend([("z_{n-1}", ty), ("dr_{n-1}", Type::F), ("v_{n-1}", ty)].map(|(name, ty)| Port::new(name, ty)));
+    }
     let mut params = Map::new();
     for (param, symbolic) in step.params.iter().zip(symbolic) {
         let value = given.iter().find(|(name, _)| *name == param.name).map_or(&param.default, |(_, value)| value);
@@ -84,7 +91,8 @@ fn traced<'g>(
         let z = step.trace_distance(&library.engine, &library.sources, arena, arena.input(0, ty), &params)?;
         return Ok((ports, Traced { z, dr: None }));
     }
-    let inputs = StepInputs { z: arena.input(0, ty), c: arena.input(1, ty), dr: Some(arena.input(2, Type::F)) };
+    let before = step.remembers().then(|| Traced { z: arena.input(4, ty), dr: Some(arena.input(5, Type::F)) });
+    let inputs = StepInputs { z: arena.input(0, ty), c: arena.input(1, ty), dr: Some(arena.input(2, Type::F)), before };
     let traced = step.trace(&library.engine, &library.sources, arena, inputs, &params)?;
     Ok((ports, traced))
 }

@@ -37,15 +37,19 @@ struct End {
 /// z after a number of iterations, or where the orbit escapes if there is no number; and dr.
 fn orbit(system: &System, p: &V, iterations: Option<u32>) -> Option<(V, Big, u32)> {
     let (mut z, mut dr) = (p.clone(), Big::from(1.0));
+    let (mut before, mut before_dr) = (vector([0.0; 3]), Big::from(0.0));
+    let (memory, share) = (Big::from(system.memory), Big::from(system.memory.abs()));
     let escape_radius = Big::from(system.escape_radius);
     for n in 0..iterations.unwrap_or(system.max_iterations) {
         let (mapped, factor) = (system.map)(&z, n);
+        let mapped = sum(&mapped, &scaled(&before, &memory));
+        before = z;
         z = match &system.constant {
             Constant::Point => sum(&mapped, p),
             Constant::Fixed(c) => sum(&mapped, &vector(*c)),
             Constant::None => mapped,
         };
-        dr = dr * factor;
+        (dr, before_dr) = (&dr * factor + &share * before_dr, dr);
         if let Constant::Point = system.constant {
             dr = dr + Big::from(1.0);
         }
@@ -242,7 +246,9 @@ fn state_kernel(subject: &Subject) -> (Kernel, Vec<String>) {
 
 fn check_state(system: &System, subject: &Subject, points: &[([f64; 3], End)]) {
     let (kernel, names) = state_kernel(subject);
-    assert_eq!(names, ["z", "dr", "j_x", "j_y", "j_z"], "the state has other parts now");
+    assert_eq!(names[..5], ["z", "dr", "j_x", "j_y", "j_z"], "the state has other parts now");
+    let remembered = ["z", "dr", "j_x", "j_y", "j_z"].map(|name| format!("before_0_{name}"));
+    assert_eq!(names[5..], if system.memory == 0.0 { Vec::new() } else { remembered.to_vec() });
     let places: Vec<[f64; 3]> = points.iter().map(|(p, _)| *p).collect();
     let out = Backends::cpu_only().run(Target::CpuF64, subject.arena, &kernel, &columns(&places)).unwrap();
     for (i, (p, end)) in points.iter().enumerate() {
@@ -298,8 +304,8 @@ macro_rules! tests {
 
         #[test]
         fn every_system_is_tested() {
-            assert_eq!([$($index),*], std::array::from_fn::<usize, 10, _>(|i| i));
-            assert_eq!(systems::all().len(), 10);
+            assert_eq!([$($index),*], std::array::from_fn::<usize, 11, _>(|i| i));
+            assert_eq!(systems::all().len(), 11);
         }
     };
 }
@@ -315,6 +321,7 @@ tests! {
     turned_icosahedron = 7;
     quaternion_julia_set = 8;
     mandelbox_and_bulb_by_turns = 9;
+    quaternion_phoenix = 10;
 }
 
 /// The big numbers against values that are known by heart.

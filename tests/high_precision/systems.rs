@@ -1,4 +1,4 @@
-//! Ten systems, written from their definitions: maps of the point with the stretch that the scalar rule gives them.
+//! Eleven systems, written from their definitions: maps of the point with the stretch that the scalar rule gives them.
 
 use crate::big::{Big, V, cross, dot, length, scaled, sum, vector};
 
@@ -11,6 +11,8 @@ pub struct System {
     pub map: fn(&V, u32) -> (V, Big),
     /// What is added after each iteration.
     pub constant: Constant,
+    /// How much of z of the iteration before is added.
+    pub memory: f64,
     pub escape_radius: f64,
     pub max_iterations: u32,
     pub form: Form,
@@ -169,6 +171,7 @@ fn bulb_system(name: &'static str, convention: &str, n: u32, map: fn(&V, u32) ->
         ),
         map,
         constant: Constant::Point,
+        memory: 0.0,
         escape_radius,
         max_iterations,
         form: Form::Logarithmic(Some(f64::from(n))),
@@ -187,6 +190,7 @@ fn box_system(name: &'static str, scale: f64, radius: f64, reach: f64, map: fn(&
         ),
         map,
         constant: Constant::Point,
+        memory: 0.0,
         escape_radius: 60.0,
         max_iterations,
         form: Form::Linear(radius),
@@ -210,6 +214,7 @@ fn similarity(
         ),
         map,
         constant: Constant::None,
+        memory: 0.0,
         escape_radius: 8.0,
         max_iterations,
         form: Form::Linear(radius),
@@ -257,6 +262,7 @@ pub fn all() -> Vec<System> {
                 .to_string(),
             map: |z, _| quaternion_square(z),
             constant: Constant::Fixed([-0.125, 0.0, 0.885]),
+            memory: 0.0,
             escape_radius: 40.0,
             max_iterations: 12,
             form: Form::Logarithmic(Some(2.0)),
@@ -271,10 +277,24 @@ pub fn all() -> Vec<System> {
             ),
             map: |z, n| if n % 2 == 0 { boxed(z, -1.5) } else { bulb(z, 8, Convention::Acos) },
             constant: Constant::Point,
+            memory: 0.0,
             escape_radius: 100.0,
             max_iterations: 4,
             form: Form::Logarithmic(None),
             reach: 2.0,
+        },
+        System {
+            name: "quaternion Phoenix",
+            text: r#"(nodes: { "phoenix": phoenix(share: -0.5) }, constant: Julia((0.1, 0.25, 0.5)),
+                escape_radius: 40, max_iterations: 12, bounding_radius: 2, estimate: (form: logarithmic))"#
+                .to_string(),
+            map: |z, _| quaternion_square(z),
+            constant: Constant::Fixed([0.1, 0.25, 0.5]),
+            memory: -0.5,
+            escape_radius: 40.0,
+            max_iterations: 12,
+            form: Form::Logarithmic(Some(2.0)),
+            reach: 1.3,
         },
     ]
 }

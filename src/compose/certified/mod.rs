@@ -16,7 +16,7 @@ mod thresholds;
 
 use super::field::shape_at;
 use super::levels::Joined;
-use super::orbit::condition;
+use super::maps::condition;
 use super::placement::{Frame, Place};
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::differentiate::reachable;

@@ -94,7 +94,7 @@ pub(super) fn step_rule<'a>(
         l: input(5, number),
         n: inputs.n,
     };
-    let map = super::super::orbit::param_map(composer, step, params, inputs.n);
+    let map = super::super::maps::param_map(composer, step, params, inputs.n);
     let rule = Tracer { composer, step, map: &map, inputs: symbols }
         .rule()
         .map_err(|error| error.label(place.span, format!("used by the node `{}`", place.name)))?;
@@ -179,7 +179,8 @@ impl<'a> Tracer<'a, '_> {
 
     fn trace(&self, dr: Option<Expr<'a>>) -> Result<(Expr<'a>, Option<Expr<'a>>), Diagnostic> {
         let library = self.composer.library;
-        let inputs = StepInputs { z: self.inputs.z, c: self.inputs.c, dr };
+        // Iterated steps that remember are not proven; where one runs once there is nothing before it.
+        let inputs = StepInputs::first(self.inputs.z, self.inputs.c, dr);
         let traced = self.step.trace(&library.engine, &library.sources, self.composer.arena, inputs, self.map)?;
         Ok((traced.z, traced.dr))
     }

@@ -70,7 +70,7 @@ fn pull_back_step(composer: &Composer, node: NodeRef, t: f64, n: Expr, width: u8
     let place = composer.graph.node(node);
     let NodeKind::Step { step, params } = &place.kind else { return Ok(t) };
     let n = composer.arena.expr(n.id);
-    let map = super::super::orbit::param_map(composer, step, params, n);
+    let map = super::super::maps::param_map(composer, step, params, n);
     let library = composer.library;
     let traced = step
         .trace_number(&library.engine, &library.sources, composer.arena, "pull_back", &[composer.arena.f(t)], &map)
