@@ -66,11 +66,15 @@ pub fn compose_plane_colour(arena: &Arena, look: &Look, plane: &Plane, size: Siz
     let mut function = Function::new("colour", ports);
     let ray = HitInputs::new(arena, 0);
     let (zero, one) = (arena.f(0.0), arena.f(1.0));
-    // An estimate that is not a number is that of a point far away.
-    let far = arena.f(1e30);
-    let de = zero.le(ray.last_de).and(ray.last_de.lt(far)).select(ray.last_de, far);
+    // An estimate that is not a number is that of a point so near that derivatives overflow.
+    let de = zero.le(ray.last_de).select(ray.last_de, zero);
     let fading = (de * (1.0 / (HALFWAY * plane.height))).min(arena.f(1e6)).sqrt();
-    let colours = palette(arena, look, usable_trap(arena.input(surface_at + 1, Type::V4)));
+    let mut traps = usable_trap(arena.input(surface_at + 1, Type::V4)).components();
+    // An orbit that starts in a coordinate plane has come as near as can be to it, which tells nothing.
+    for (trap, along) in traps[1..].iter_mut().zip(normal(plane)) {
+        *trap = if along.abs() > 1.0 - 1e-9 { arena.f(1e6) } else { *trap };
+    }
+    let colours = palette(arena, look, arena.compose(&traps));
     let outside = arena.v3(look.background[1]).mix(colours, one / (fading + 1.0));
     let apart = (de * (1.0 / pixel_size(plane, size))).min(one);
     let shown = ray.is_hit.select(zero, apart);
