@@ -288,7 +288,11 @@ fn what_needs_rays_says_so() {
         (vec!["render", "mandelbulb", "--set", "plane=(height: 1, up: (2, 0, 0))"], "lie on one line"),
     ] {
         let output = bulbfold(folder.path(), &arguments);
-        assert!(output.status.code() == Some(2) && stderr(&output).contains(message), "{arguments:?}: {}", stderr(&output));
+        assert!(
+            output.status.code() == Some(2) && stderr(&output).contains(message),
+            "{arguments:?}: {}",
+            stderr(&output)
+        );
     }
     let explained = bulbfold(folder.path(), &["explain", "mandelbrot"]);
     assert!(String::from_utf8_lossy(&explained.stdout).contains("Pictures show the points of a plane"));

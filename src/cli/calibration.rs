@@ -77,7 +77,7 @@ pub fn table(calibration: &Calibration) -> String {
     let [rays, hits] = calibration.rays;
     let time = short(calibration.time);
     let _ = match calibration.origin {
-        Origin::Rules => writeln!(text, "calibration          none; the estimate is chosen by rules"),
+        Origin::Rules => writeln!(text, "calibration          none, or switched off; the estimate is chosen by rules"),
         Origin::File => writeln!(text, "calibration          none: the file says that its estimate is calibrated"),
         Origin::Fixed => writeln!(text, "calibration          none: there is nothing left to choose"),
         Origin::Cached => writeln!(text, "calibration          {rays} rays, {hits} hits, kept from an earlier run"),

@@ -1,7 +1,7 @@
 //! Rays that stand still: one estimate at the origin of each, for pictures of a plane.
 //!
 //! A march of one step has the inputs, outputs and counts of any other, so that renderers, back ends and statistics need
-//! not know. Status is `Hit` where the point is inside, else `Miss`; `last_de` is the estimate, not a number included.
+//! not know. Status is `Hit` where the point is inside, or cannot be told from one that is, else `Miss`; `last_de` is the estimate.
 
 use super::{Inputs, MarchSettings, ports};
 use crate::compose::Plan;
@@ -36,17 +36,22 @@ pub fn compose_still(arena: &Arena, estimator: Estimator, settings: &MarchSettin
     locate.output("d", ray.direction);
     locate.output("h", ray.difference(settings, ray.origin));
     locate.output("hit_eps", arena.f(settings.hit_eps));
-    March { estimator, locate, advance: compose_advance(arena), max_march_steps: 1 }
+    March { estimator, locate, advance: compose_advance(arena, settings), max_march_steps: 1 }
 }
 
+/// Share of the hit threshold below which a point counts as one of the set: where orbits are chaotic, only rounding decides
+/// which of such points leave. An estimate that is not a number is below it too: derivatives overflow nowhere else.
+const INDISTINCT: f64 = 1e-3;
+
 /// The end of a ray, from its only estimate.
-fn compose_advance(arena: &Arena) -> Function {
+fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let mut inputs = ports();
     let first = inputs.len() as u16;
     inputs.extend([Port::new("de", Type::F), Port::new("inside", Type::B)]);
     let mut function = Function::new("advance", inputs);
     let ray = Inputs::new(arena);
     let (de, inside) = (arena.input(first, Type::F), arena.input(first + 1, Type::B));
+    let inside = inside.or(!arena.f(settings.hit_eps * INDISTINCT).le(de));
     let status = inside.select(arena.f(Status::Hit.code()), arena.f(Status::Miss.code()));
     let (unknown, zero) = (arena.f(-1.0), arena.f(0.0));
     let (outside, inside) = (inside.select(unknown, zero), inside.select(zero, unknown));
