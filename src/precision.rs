@@ -7,7 +7,7 @@ use crate::expr::Arena;
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::{Backend, BackendError, Status, march_output_ports};
 use crate::render::Pipeline;
-use crate::shade::Size;
+use crate::shade::{self, Size};
 
 /// Columns and rows of the rays that are marched.
 const GRID: (u32, u32) = (24, 14);
@@ -59,7 +59,13 @@ impl Resolution {
 }
 
 /// Measures a view by a few hundred rays, marched in f64. Where none of them hits, the camera's target stands in.
+///
+/// In a plane orbits soon come to numbers of size 1 and more, wherever the picture is, and round there.
 pub fn resolution(arena: &Arena, pipeline: &Pipeline, size: Size) -> Resolution {
+    if let Some(plane) = &pipeline.plane {
+        let farthest = plane.center.iter().fold(1.0, |most: f64, x| most.max(x.abs() + plane.height / 2.0));
+        return Resolution { footprint: shade::pixel_size(plane, size), size: farthest };
+    }
     let hits = march(arena, pipeline, size).expect("the CPU runs every kernel");
     let at = |t: f64, p: [f64; 3]| Resolution {
         footprint: 2.0 * pipeline.pixel_radius * t,

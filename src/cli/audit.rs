@@ -45,7 +45,7 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
+    let graph = session.load_solid(&arguments.formula.file, &arguments.formula.changes(), "`audit`")?;
     let arena = Rc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     let estimate = arguments.estimate.settings();

@@ -44,7 +44,8 @@ pub fn choose_estimate(
     let plan = choose(&composer, &wanted).map_err(failed)?;
     plan.warnings.iter().for_each(|warning| session.warn(warning));
     let subject = Subject { library: &session.library, graph, arena, plan };
-    if !wish.estimate.calibrate.0 {
+    // Points of a plane need no step multiplier, and no ray misses them.
+    if graph.plane.is_some() || !wish.estimate.calibrate.0 {
         return Ok(Calibration::by_rule(&subject));
     }
     let options = options(&subject, wish);
@@ -76,7 +77,7 @@ pub fn table(calibration: &Calibration) -> String {
     let [rays, hits] = calibration.rays;
     let time = short(calibration.time);
     let _ = match calibration.origin {
-        Origin::Rules => writeln!(text, "calibration          switched off; the estimate is chosen by rules"),
+        Origin::Rules => writeln!(text, "calibration          none, or switched off; the estimate is chosen by rules"),
         Origin::File => writeln!(text, "calibration          none: the file says that its estimate is calibrated"),
         Origin::Fixed => writeln!(text, "calibration          none: there is nothing left to choose"),
         Origin::Cached => writeln!(text, "calibration          {rays} rays, {hits} hits, kept from an earlier run"),

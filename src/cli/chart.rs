@@ -123,7 +123,7 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Outcome {
     let targets = targets(arguments, &backends);
     let mut graphs = Vec::new();
     for file in &arguments.files {
-        graphs.push(session.load(file, &arguments.changes.changes())?.graph);
+        graphs.push(session.load_solid(file, &arguments.changes.changes(), "`chart`")?);
     }
     let mut progress = Progress::new(arguments.quiet);
     let mut sheets = Vec::new();

@@ -267,19 +267,35 @@ fn fractal_page(session: &Session, graph: &ValidGraph, latex: bool) -> Result<Ve
     let pipeline = pipeline.map_err(|diagnostic| session.failure(diagnostic))?;
     let table = cost::table(&composer, &pipeline).map_err(|diagnostic| session.failure(diagnostic))?;
     blocks.extend([Block::Heading(2, "Cost".into()), Block::Code("text", table)]);
-    blocks.push(Block::Heading(2, "Camera".into()));
-    let camera = graph.camera.unwrap_or_else(|| shade::frame_automatically(plan.bounding_radius));
-    blocks.push(Block::Text(format!(
-        "{}: position {}, target {}, field of view {} degrees; everything lies within {} of the origin.",
-        if graph.camera.is_some() { "From the file" } else { "Found automatically" },
-        numbers(&camera.position.map(|x| (x * 1e4).round() / 1e4)),
-        numbers(&camera.target),
-        (camera.fov.to_degrees() * 1e4).round() / 1e4,
-        (plan.bounding_radius * 1e4).round() / 1e4,
-    )));
+    blocks.extend(view(graph, plan.bounding_radius));
     let picture = format!("docs/thumbnails/{}.jpg", graph.name);
     blocks.extend([Block::Heading(2, "Picture".into()), Block::Text(picture)]);
     Ok(blocks)
+}
+
+/// What pictures of a fractal show: a plane, or what a camera sees.
+fn view(graph: &ValidGraph, bounding_radius: f64) -> [Block; 2] {
+    let rounded = |x: f64| (x * 1e4).round() / 1e4;
+    if let Some(plane) = &graph.plane {
+        let text = format!(
+            "Pictures show the points of a plane: center {}, height {}, right {}, up {}.",
+            numbers(&plane.center),
+            plane.height,
+            numbers(&plane.right.map(rounded)),
+            numbers(&plane.up.map(rounded)),
+        );
+        return [Block::Heading(2, "Plane".into()), Block::Text(text)];
+    }
+    let camera = graph.camera.unwrap_or_else(|| shade::frame_automatically(bounding_radius));
+    let text = format!(
+        "{}: position {}, target {}, field of view {} degrees; everything lies within {} of the origin.",
+        if graph.camera.is_some() { "From the file" } else { "Found automatically" },
+        numbers(&camera.position.map(rounded)),
+        numbers(&camera.target),
+        rounded(camera.fov.to_degrees()),
+        rounded(bounding_radius),
+    );
+    [Block::Heading(2, "Camera".into()), Block::Text(text)]
 }
 
 /// The parameters of a fractal.

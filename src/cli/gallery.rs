@@ -177,7 +177,7 @@ fn made_as(arguments: &Arguments) -> (Size, u8) {
 fn key(arguments: &Arguments, session: &Session, graph: &ValidGraph) -> String {
     let (size, quality) = made_as(arguments);
     let mut text = format!(
-        "{} {VERSION} {size:?} {quality} {} {:?} {:?}\n{}\n{:?} {:?} {:?}",
+        "{} {VERSION} {size:?} {quality} {} {:?} {:?}\n{}\n{:?} {:?} {:?}{}",
         env!("CARGO_PKG_VERSION"),
         arguments.samples,
         arguments.estimate.estimate.settings(),
@@ -185,7 +185,8 @@ fn key(arguments: &Arguments, session: &Session, graph: &ValidGraph) -> String {
         print::listing(graph),
         graph.camera,
         graph.look,
-        graph.bounding_radius
+        graph.bounding_radius,
+        graph.plane.map(|plane| format!(" {plane:?}")).unwrap_or_default()
     );
     for node in &graph.nodes {
         match &node.kind {

@@ -63,8 +63,8 @@ pub struct Arguments {
     /// Only fractals for which this estimate is chosen by rules
     #[arg(long, value_enum, value_name = "METHOD")]
     chosen: Option<DeArg>,
-    /// Only what has so many components of state: 3 or 4
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(3..=4))]
+    /// Only what has so many components of state, or 2 for pictures of a plane
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=4))]
     dimension: Option<u8>,
     /// Print one JSON object
     #[arg(long)]
@@ -288,7 +288,11 @@ fn fractal_properties(
         differentiable: steps.iter().all(|step| step.differentiable),
         exact: !roots.is_empty()
             && roots.iter().all(|(root, _)| scalar_rules(&composer, *root) == Some(ScalarRule::Exact)),
-        dimensions: vec![roots.iter().map(|(root, settings)| graph.state_width(*root, settings)).max().unwrap_or(3)],
+        dimensions: vec![if graph.plane.is_some() {
+            2
+        } else {
+            roots.iter().map(|(root, settings)| graph.state_width(*root, settings)).max().unwrap_or(3)
+        }],
         estimates: plan.iter().flat_map(|plan| plan.applicable()).map(|method| method.name()).collect(),
         chosen: plan.iter().flat_map(|plan| &plan.choices).map(|choice| choice.method.name()).collect(),
     })

@@ -24,7 +24,7 @@ use super::arguments::{
 use super::backend::{Job, Wanted, run_job};
 use super::calibration::{Wish, choose_estimate};
 use super::progress::{Progress, short};
-use super::session::{check_output, talk};
+use super::session::{check_output, refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
 #[cfg(feature = "chart")]
 use super::view::{self, Request, ViewArg};
@@ -38,6 +38,7 @@ Examples:
   bulbfold render mandelbox.ron -o box.png --size 1920x1080 --samples 3 --stats
   bulbfold render mandelbulb --set power=6 --camera 1.5,-2,1 --fov 30 -o close.png
   bulbfold render box_bulb --view error --stats -o box_bulb_error.png
+  bulbfold render mandelbulb --set 'plane=(center: (0, 0, 0.2), height: 2.6)' -o slice.png
   bulbfold render mandelbulb --sweep power=2..12 --sweep turn=0..90 --frames 48 -o bulb_%04d.png")]
 pub struct Arguments {
     #[command(flatten)]
@@ -239,6 +240,9 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     check_output(&output, Some("png"))?;
     let asked = arguments.prepare()?;
     let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
+    if !arguments.is_plain() {
+        refuse_plane(&graph, "`--view`")?;
+    }
     let arena = Rc::new(Arena::default());
     let Fitted { graph, settings, pipeline, precision, calibration, composing } =
         fit(session, arguments, asked, &arena, graph)?;
@@ -381,6 +385,10 @@ pub(super) fn with_view(
 ) -> Result<ValidGraph, Failure> {
     if view.is_empty() {
         return Ok(graph);
+    }
+    if graph.plane.is_some() {
+        let text = format!("a picture of `{}` shows a plane, which has no camera", graph.name);
+        return Err(usage(text, "place the plane: --set 'plane=(center: (-0.5, 0.0), height: 2.5)'"));
     }
     let base = match graph.camera {
         Some(camera) => camera,

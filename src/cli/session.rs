@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use bulbfold::diag::{Diagnostic, Diagnostics, Sources};
 use bulbfold::formula::library::Library;
+use bulbfold::graph::ValidGraph;
 use bulbfold::load::{Loaded, load};
 
 use super::{Failure, usage};
@@ -37,6 +38,13 @@ impl Session {
         let loaded = load(&mut self.library, what, set, &mut d);
         self.report(d)?;
         loaded.ok_or_else(|| usage(format!("cannot load `{what}`"), ""))
+    }
+
+    /// Loads a fractal for something that follows rays, which pictures of a plane have none of.
+    pub fn load_solid(&mut self, file: &str, set: &[(String, String)], what: &str) -> Result<ValidGraph, Failure> {
+        let graph = self.load(file, set)?.graph;
+        refuse_plane(&graph, what)?;
+        Ok(graph)
     }
 
     /// Loads a fractal that has been loaded with other settings: warnings are not told again.
@@ -79,6 +87,17 @@ impl Session {
         let mut d = Diagnostics::default();
         d.push(Diagnostic::warning(text));
         let _ = write!(std::io::stderr(), "{}", d.render(&self.library.sources, self.colour));
+    }
+}
+
+/// Tells that something follows rays where pictures of the fractal show a plane.
+pub fn refuse_plane(graph: &ValidGraph, what: &str) -> Result<(), Failure> {
+    match graph.plane {
+        None => Ok(()),
+        Some(_) => Err(usage(
+            format!("{what} follows rays, and a picture of `{}` shows the points of a plane", graph.name),
+            "`bulbfold probe` gives the estimates of points, `bulbfold check` looks for what is wrong with a formula",
+        )),
     }
 }
 

@@ -72,6 +72,9 @@ impl Report<'_> {
             "camera": {
                 "position": camera.position, "target": camera.target, "up": camera.up, "fov": camera.fov.to_degrees(),
             },
+            "plane": self.pipeline.plane.map(|plane| json!({
+                "center": plane.center, "height": plane.height, "right": plane.right, "up": plane.up,
+            })),
             "beams": stats.beams,
             "rays": stats.rays,
             "refined": stats.refined,

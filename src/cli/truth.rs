@@ -97,7 +97,7 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &str) 
     let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
     let precision = wanted.precision(PrecisionArg::F64)?;
     let given = arguments.rays_file.as_ref().map(|path| read_rays(path)).transpose()?;
-    let graph = session.load(file, &arguments.changes.changes())?.graph;
+    let graph = session.load_solid(file, &arguments.changes.changes(), "`truth`")?;
     let arena = Rc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     let wish = Wish {

@@ -22,7 +22,7 @@ pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
     Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Join, LEAST_STEP,
-    LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings,
+    LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings, Plane,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
 pub use validate::ValidGraph;
@@ -61,6 +61,8 @@ pub struct Graph {
     pub orbit: OrbitSettings,
     /// Where to look from; found automatically where absent.
     pub camera: Option<Camera>,
+    /// The plane that pictures show; absent where they are seen through the camera.
+    pub plane: Option<Plane>,
     /// Radius of a ball around the origin that holds everything; found automatically where absent.
     pub bounding_radius: Option<f64>,
     /// Light and colour.

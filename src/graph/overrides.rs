@@ -32,6 +32,7 @@ const FIELDS: &[&str] = &[
     "slice",
     "estimate",
     "camera",
+    "plane",
     "bounding_radius",
     "look",
 ];

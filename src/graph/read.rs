@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use rhai::Scope;
 
-use super::fields::read_look;
+use super::fields::{read_look, read_plane};
 use super::overrides::{Override, apply_override};
 use super::presets::read_presets;
 use super::settings::{
@@ -107,6 +107,7 @@ impl Reader<'_> {
         };
         let orbit = self.orbit_settings(&mut fields, &OrbitSettings::default());
         let camera = fields.optional_value("camera").and_then(|v| self.camera(v));
+        let plane = fields.optional_value("plane").and_then(|v| read_plane(self, v));
         let bounding_radius = fields.optional_value("bounding_radius").and_then(|v| self.number(v, 1e-6, 1e6));
         let look = fields.optional_value("look");
         let look = look.and_then(|v| read_look(self, v)).unwrap_or_default();
@@ -127,6 +128,7 @@ impl Reader<'_> {
             output: output?,
             orbit,
             camera,
+            plane,
             bounding_radius,
             look,
             presets,
@@ -486,7 +488,7 @@ pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 

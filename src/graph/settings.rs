@@ -372,6 +372,19 @@ pub struct Camera {
     pub fov: f64,
 }
 
+/// A rectangle of a plane through space, which a picture shows in the place of a camera's view.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Plane {
+    /// The point in the middle of the picture.
+    pub center: [f64; 3],
+    /// From its bottom to its top, in world units.
+    pub height: f64,
+    /// Unit vector to the right of the picture.
+    pub right: [f64; 3],
+    /// Unit vector to its top, across `right`.
+    pub up: [f64; 3],
+}
+
 /// Light and colour. Colours are linear RGB.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Look {

@@ -254,6 +254,13 @@ impl ValidGraph {
         self
     }
 
+    /// The same graph with pictures through a camera: the solid that a plane cuts.
+    #[must_use]
+    pub fn without_plane(mut self) -> ValidGraph {
+        self.0.plane = None;
+        self
+    }
+
     /// The same graph with other settings of its orbits, for example to follow them past their escape. Wires in the
     /// settings (`pre`, `post`) must stay those of the graph.
     pub fn with_orbit_settings(&self, mut change: impl FnMut(&mut OrbitSettings)) -> ValidGraph {

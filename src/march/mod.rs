@@ -11,10 +11,12 @@ mod beam;
 mod certified;
 mod relaxed;
 mod shadow;
+mod still;
 
 pub use beam::{beam_plan, compose_beam_march};
 pub use certified::is_undecided;
 pub use shadow::{SKIPPED, compose_shadow_march, shadow_plan};
+pub use still::{compose_still, still_plan};
 
 use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Port, Type};

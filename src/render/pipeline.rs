@@ -2,10 +2,11 @@
 
 use super::RenderSettings;
 use super::beams::{BeamKernels, BeamTiles};
+use super::plane::compose_plane;
 use crate::compose::choose::{UNIT_F32, UNIT_F64};
 use crate::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
-use crate::graph::{Camera, Look};
+use crate::graph::{Camera, Look, Plane};
 use crate::kernel::Kernel;
 use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, SKIPPED, compose_march, compose_shadow_march, shadow_plan};
 use crate::shade::{self, CameraFrame};
@@ -16,7 +17,9 @@ pub struct Pipeline {
     pub plan: Plan,
     /// The view.
     pub camera: Camera,
-    /// Radius of a pixel at distance 1.
+    /// The plane that is seen, by one estimate at each point; absent where rays are marched.
+    pub plane: Option<Plane>,
+    /// Radius of a pixel at distance 1, or in the plane.
     pub pixel_radius: f64,
     /// Pixels to rays.
     pub camera_kernel: Kernel,
@@ -73,6 +76,9 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
 /// Composes the kernels of a fractal's picture with the estimates of a plan; `settings.estimate` is not asked.
 pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan: Plan) -> Result<Pipeline, Diagnostic> {
     plan = in_precision(plan, settings.min_difference);
+    if let Some(plane) = &composer.graph.plane {
+        return compose_plane(composer, plane, settings, &plan);
+    }
     let camera = composer.graph.camera.unwrap_or_else(|| shade::frame_automatically(plan.bounding_radius));
     let look: &Look = &composer.graph.look;
     let arena = composer.arena;
@@ -105,6 +111,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         look.shadows.then(|| Kernel::Map(shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius, skipped)));
     Ok(Pipeline {
         camera,
+        plane: None,
         pixel_radius,
         camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, radius)),
         beams,

@@ -17,9 +17,7 @@ pub fn compose_colour(arena: &Arena, look: &Look, frame: &CameraFrame, bounding_
         ports.extend(march_output_ports().into_iter().map(|p| Port::new(format!("shadow_{}", p.name), p.ty)));
     }
     let ray = HitInputs::new(arena, 0);
-    // An orbit that became NaN leaves traps that are none: as far as traps start.
-    let trap = arena.input(surface_at + 1, Type::V4);
-    let trap = trap.le(arena.f(1e6)).select(trap, arena.constant(Type::V4, [1e6; 4]));
+    let trap = usable_trap(arena.input(surface_at + 1, Type::V4));
     let normal = facing_normal(arena.input(surface_at, Type::V3), ray.direction);
     let lit = look.shadows.then(|| {
         let position = march_output_ports().iter().position(|p| p.name == "status").expect("a march has a status");
@@ -52,8 +50,14 @@ fn facing_normal<'g>(gradient: Expr<'g>, direction: Expr<'g>) -> Expr<'g> {
     turned.normalize()
 }
 
+/// The trap, as far as traps start where an orbit that became NaN left one that is none.
+pub(super) fn usable_trap(trap: Expr<'_>) -> Expr<'_> {
+    let arena = trap.arena;
+    trap.le(arena.f(1e6)).select(trap, arena.constant(Type::V4, [1e6; 4]))
+}
+
 /// Base colour with those of the planes and the origin blended in where the orbit came near them (after Quilez).
-fn palette<'g>(arena: &'g Arena, look: &Look, trap: Expr<'g>) -> Expr<'g> {
+pub(super) fn palette<'g>(arena: &'g Arena, look: &Look, trap: Expr<'g>) -> Expr<'g> {
     let near = |i: u8, falloff: f64| (trap.component(i) * -falloff).exp();
     let colours = look.palette.map(|c| arena.v3(c));
     let planes = colours[0].mix(colours[2], near(1, 4.0)).mix(colours[3], near(2, 4.0)).mix(colours[4], near(3, 4.0));

@@ -4,9 +4,11 @@
 //! the way formula steps do. Colours are linear until [`compose_encode`].
 
 mod colour;
+mod plane;
 
 pub(crate) use colour::sun_direction;
 pub use colour::{compose_colour, compose_encode};
+pub use plane::{compose_plane_camera, compose_plane_colour, compose_plane_point, facing, pixel_size};
 
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::{Camera, Look};
@@ -201,6 +203,7 @@ struct HitInputs<'g> {
     t_front: Expr<'g>,
     is_hit: Expr<'g>,
     steps: Expr<'g>,
+    last_de: Expr<'g>,
 }
 
 impl<'g> HitInputs<'g> {
@@ -225,6 +228,7 @@ impl<'g> HitInputs<'g> {
             t_front: column("t_front"),
             is_hit: column("status").equals(hit),
             steps: column("steps"),
+            last_de: column("last_de"),
         }
     }
 }

@@ -241,7 +241,9 @@ impl Truths {
 /// Marches random rays of the formula's own view as a picture of these settings would, in f64, and compares them with the
 /// truth.
 pub fn judge(subject: &Subject, rays: usize, settings: &RenderSettings) -> Result<Judgement, String> {
-    let composer = subject.composer();
+    // Rays meet the solid, of which a plane is a cut.
+    let graph = subject.graph.clone().without_plane();
+    let composer = Composer { graph: &graph, ..subject.composer() };
     let pipeline = compose_pipeline(&composer, settings).map_err(|e| rendered(e, subject.library))?;
     let scale = Scale::of_view(&pipeline.camera, settings.size, pipeline.plan.bounding_radius);
     let rays = view_rays(&pipeline.camera, settings.size, rays, 4);

@@ -1,0 +1,62 @@
+//! Rays that stand still: one estimate at the origin of each, for pictures of a plane.
+//!
+//! A march of one step has the inputs, outputs and counts of any other, so that renderers, back ends and statistics need
+//! not know. Status is `Hit` where the point is inside, or cannot be told from one that is, else `Miss`; `last_de` is the estimate.
+
+use super::{Inputs, MarchSettings, ports};
+use crate::compose::Plan;
+use crate::expr::{Arena, Function, Port, Type};
+use crate::graph::Method;
+use crate::kernel::{Estimator, March, Status, march_state_ports};
+
+/// The plan for points that no ray goes through: where a method holds along a ray alone, or is a proof, its like in all
+/// directions takes its place.
+pub fn still_plan(plan: &Plan) -> Plan {
+    let mut plan = plan.clone();
+    for choice in &mut plan.choices {
+        let first = match choice.method {
+            Method::Directional => Method::Jacobian,
+            Method::DeltaRay => Method::Delta,
+            method if method.is_certified() => Method::Gradient,
+            _ => continue,
+        };
+        let likes = [first, Method::Gradient, Method::Delta, Method::Scalar];
+        let like = likes.into_iter().find(|like| choice.applicable.contains(like)).unwrap_or(first);
+        choice.reason = format!("for `{}`, which is of rays, in a plane", choice.method.name());
+        choice.method = like;
+    }
+    plan
+}
+
+/// An estimator at the origins of rays.
+pub fn compose_still(arena: &Arena, estimator: Estimator, settings: &MarchSettings) -> March {
+    let mut locate = Function::new("locate", ports());
+    let ray = Inputs::new(arena);
+    locate.output("p", ray.origin);
+    locate.output("d", ray.direction);
+    locate.output("h", ray.difference(settings, ray.origin));
+    locate.output("hit_eps", arena.f(settings.hit_eps));
+    March { estimator, locate, advance: compose_advance(arena, settings), max_march_steps: 1 }
+}
+
+/// Share of the hit threshold below which a point counts as one of the set: where orbits are chaotic, only rounding decides
+/// which of such points leave. An estimate that is not a number is below it too: derivatives overflow nowhere else.
+const INDISTINCT: f64 = 1e-3;
+
+/// The end of a ray, from its only estimate.
+fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
+    let mut inputs = ports();
+    let first = inputs.len() as u16;
+    inputs.extend([Port::new("de", Type::F), Port::new("inside", Type::B)]);
+    let mut function = Function::new("advance", inputs);
+    let ray = Inputs::new(arena);
+    let (de, inside) = (arena.input(first, Type::F), arena.input(first + 1, Type::B));
+    let inside = inside.or(!arena.f(settings.hit_eps * INDISTINCT).le(de));
+    let status = inside.select(arena.f(Status::Hit.code()), arena.f(Status::Miss.code()));
+    let (unknown, zero) = (arena.f(-1.0), arena.f(0.0));
+    let (outside, inside) = (inside.select(unknown, zero), inside.select(zero, unknown));
+    for (port, value) in march_state_ports().into_iter().zip([ray.t, ray.t, outside, inside, de, status]) {
+        function.output(port.name, value);
+    }
+    function
+}
