@@ -33,7 +33,7 @@ fn properties_select_what_has_them() {
     let exact = listed(&["--exact"], "steps");
     assert!(has(&exact, "box_fold") && !has(&exact, "bulb_power"), "{exact:?}");
     let chosen = listed(&["--chosen", "scalar"], "fractals");
-    assert!(has(&chosen, "mandelbox") && !has(&chosen, "mandelbulb"), "{chosen:?}");
+    assert!(has(&chosen, "mandelbulb") && !has(&chosen, "mandelbox"), "{chosen:?}");
     let own = listed(&["--estimate", "gradient"], "fractals");
     assert!(has(&own, "mandelbulb"), "{own:?}");
 }

@@ -120,7 +120,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         surface: Kernel::Estimate(compose_estimator(composer, choices, Purpose::Surface)?),
         shadow_ray,
         shadow_march,
-        colour: Kernel::Map(shade::compose_colour(arena, look, &frame, radius)),
+        colour: Kernel::Map(shade::compose_colour(arena, look, &frame, radius, plan.is_certified())),
         encode: Kernel::Map(shade::compose_encode(arena)),
         plan,
     })

@@ -5,8 +5,18 @@ use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::Look;
 use crate::kernel::{Status, march_output_ports, ray_ports};
 
-/// Ray, march, surface and (where shadows are on) shadow march to a linear colour between 0 and 1.
-pub fn compose_colour(arena: &Arena, look: &Look, frame: &CameraFrame, bounding_radius: f64) -> Function {
+/// Steps of a march of proofs that count in full for occlusion; of more, only the logarithm does.
+const PLAIN_STEPS: f64 = 12.0;
+
+/// Ray, march, surface and (where shadows are on) shadow march to a linear colour between 0 and 1. Marches of proofs walk on
+/// in small steps where nothing is proven, and `by_proof` keeps those from darkening the picture.
+pub fn compose_colour(
+    arena: &Arena,
+    look: &Look,
+    frame: &CameraFrame,
+    bounding_radius: f64,
+    by_proof: bool,
+) -> Function {
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
     let surface_at = ports.len() as u16;
@@ -16,7 +26,10 @@ pub fn compose_colour(arena: &Arena, look: &Look, frame: &CameraFrame, bounding_
     if look.shadows {
         ports.extend(march_output_ports().into_iter().map(|p| Port::new(format!("shadow_{}", p.name), p.ty)));
     }
-    let ray = HitInputs::new(arena, 0);
+    let mut ray = HitInputs::new(arena, 0);
+    if by_proof {
+        ray.steps = (ray.steps * (1.0 / PLAIN_STEPS) + 1.0).ln() * PLAIN_STEPS;
+    }
     let trap = usable_trap(arena.input(surface_at + 1, Type::V4));
     let normal = facing_normal(arena.input(surface_at, Type::V3), ray.direction);
     let lit = look.shadows.then(|| {
