@@ -91,3 +91,29 @@ fn tables_of_truths_say_who_breaks_the_budget() {
         assert!(texts(&output).contains(text), "{text}\n{}", texts(&output));
     }
 }
+
+/// What has no orbit to calibrate: fields of primitives.
+const WITHOUT_ORBIT: [&str; 2] = ["chain_and_heart", "twisted_tori"];
+/// Where no estimate keeps the budget: its file is calibrated for every view.
+const WITHOUT_ESTIMATE: [&str; 1] = ["barnsley_4d"];
+
+#[test]
+fn built_in_fractals_carry_their_estimate_and_have_a_row_of_truth() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(root.join("docs/defaults.md")).expect("scripts/defaults.sh wrote it");
+    let mut seen = 0;
+    for entry in std::fs::read_dir(root.join("formulas/fractals")).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_string_lossy().to_string();
+        let text = std::fs::read_to_string(&path).unwrap();
+        // Pictures of a plane march no rays.
+        if text.contains("\n    plane: ") {
+            continue;
+        }
+        seen += 1;
+        let is_let_off = WITHOUT_ORBIT.contains(&&*name) || WITHOUT_ESTIMATE.contains(&&*name);
+        assert_eq!(text.contains("calibrated: true"), !is_let_off, "{name}: bulbfold calibrate {name}.ron --write");
+        assert!(page.contains(&format!("\n| {name} |")), "{name} has no row: sh scripts/defaults.sh");
+    }
+    assert!(seen >= 120, "{seen}");
+}
