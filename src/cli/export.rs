@@ -8,6 +8,7 @@ use bulbfold::compose::{Composer, choose};
 use bulbfold::exchange::export::{ExportError, Exported, Target, export};
 use bulbfold::expr::Arena;
 use bulbfold::film::write_beside;
+use bulbfold::march::still_plan;
 use bulbfold::shade::frame_automatically;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
@@ -71,7 +72,11 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let arena = Rc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
-    let plan = choose(&composer, &arguments.estimate.settings()).map_err(|d| session.failure(d))?;
+    let mut plan = choose(&composer, &arguments.estimate.settings()).map_err(|d| session.failure(d))?;
+    if arguments.estimate.settings().method.is_none() {
+        // What a file carries for its rays has its like at points.
+        plan = still_plan(&plan);
+    }
     plan.warnings.iter().for_each(|warning| session.warn(warning));
     let camera = graph.camera.unwrap_or_else(|| frame_automatically(plan.bounding_radius));
     let exported = export(&composer, &plan, &camera, arguments.to.0).map_err(|error| failure(error, session))?;
