@@ -10,7 +10,7 @@
 //! use bulbfold::calibrate::{Options, calibrate};
 //! use bulbfold::check::Formula;
 //!
-//! let formula = Formula::builtin("menger").unwrap();
+//! let formula = Formula::builtin("menger").unwrap().without_calibration();
 //! let options = Options { cache: None, ..Options::of_view(&formula.subject()) };
 //! let calibration = calibrate(&formula.subject(), &options, &mut |_| {}).unwrap();
 //! assert!(calibration.is_within && calibration.evidence.iter().any(|row| row.is_chosen()));
