@@ -314,7 +314,7 @@ fn calibrations_are_shown_kept_and_switched_off() {
     let fixed = ["--de", "scalar", "--form", "linear", "--fudge", "0.8", "--least-step", "0.25"];
     assert!(stderr(&run(&[&render[..], &fixed].concat())).contains("nothing left to choose"));
 
-    let shown = run(&["calibrate", "menger.ron", "--size", "64x48", "--json"]);
+    let shown = run(&["calibrate", "menger", "--size", "64x48", "--json"]);
     let value = &json_lines(&shown)[0];
     assert!(value["within_budget"].as_bool().unwrap() && value["rays"].as_u64().unwrap() > 0, "{value}");
     let chosen = value["candidates"].as_array().unwrap().iter().filter(|row| row["why_not"].is_null());

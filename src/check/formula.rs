@@ -96,12 +96,7 @@ impl Formula {
     /// calibration starts from.
     #[must_use]
     pub fn without_calibration(mut self) -> Formula {
-        self.graph = self.graph.with_orbit_settings(|settings| {
-            let estimate = &mut settings.estimate;
-            if std::mem::take(&mut estimate.calibrated) {
-                (estimate.method, estimate.fudge, estimate.least_step) = (None, None, None);
-            }
-        });
+        self.graph = self.graph.without_calibration();
         if let Ok(subject) = Subject::new(&self.library, &self.graph, &self.arena) {
             self.plan = subject.plan;
         }

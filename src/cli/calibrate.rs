@@ -71,7 +71,8 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         return calibrate_write::run(arguments, session, out);
     }
     for (i, file) in arguments.files.iter().enumerate() {
-        let graph = session.load_solid(file, &arguments.changes.changes(), "`calibrate`")?;
+        // What the file carries is measured anew, as `--write` does.
+        let graph = session.load_solid(file, &arguments.changes.changes(), "`calibrate`")?.without_calibration();
         let calibration = choose_estimate(session, &graph, &Rc::new(Arena::default()), &arguments.wish())?;
         if arguments.json {
             writeln!(out, "{}", json(&calibration))?;

@@ -8,7 +8,7 @@ use bulbfold::compose::{Composer, choose};
 use bulbfold::exchange::export::{ExportError, Exported, Target, export};
 use bulbfold::expr::Arena;
 use bulbfold::film::write_beside;
-use bulbfold::march::still_plan;
+use bulbfold::graph::ValidGraph;
 use bulbfold::shade::frame_automatically;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
@@ -69,14 +69,17 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         }
         None => {}
     }
-    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
+    let mut graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let arena = Rc::new(Arena::default());
-    let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
-    let mut plan = choose(&composer, &arguments.estimate.settings()).map_err(|d| session.failure(d))?;
-    if arguments.estimate.settings().method.is_none() {
-        // What a file carries for its rays has its like at points.
-        plan = still_plan(&plan);
+    let wanted = arguments.estimate.settings();
+    let chosen = |graph: &ValidGraph| choose(&Composer { arena: &arena, library: &session.library, graph }, &wanted);
+    let mut plan = chosen(&graph).map_err(|d| session.failure(d))?;
+    if wanted.method.is_none() && plan.is_certified() {
+        // A calibrated proof is for the file's own rays; points go by the rules.
+        graph = graph.without_calibration();
+        plan = chosen(&graph).map_err(|d| session.failure(d))?;
     }
+    let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     plan.warnings.iter().for_each(|warning| session.warn(warning));
     let camera = graph.camera.unwrap_or_else(|| frame_automatically(plan.bounding_radius));
     let exported = export(&composer, &plan, &camera, arguments.to.0).map_err(|error| failure(error, session))?;

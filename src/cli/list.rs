@@ -60,7 +60,7 @@ pub struct Arguments {
     /// Only fractals to which this estimate applies; `auto` takes all
     #[arg(long, value_enum, value_name = "METHOD")]
     estimate: Option<DeArg>,
-    /// Only fractals for which this estimate is chosen by rules
+    /// Only fractals that take this estimate: the one that the file carries, else that of the rules
     #[arg(long, value_enum, value_name = "METHOD")]
     chosen: Option<DeArg>,
     /// Only what has so many components of state, or 2 for pictures of a plane

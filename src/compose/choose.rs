@@ -1,7 +1,8 @@
 //! Which method, form, radius and step multiplier an orbit gets: what its file or the command line fixes, else by the
 //! design's rules and two measurements in f64, growth far out and extent.
 
-use super::orbit::{compose_growth, scalar_rules, steps_of};
+use super::maps::{scalar_rules, steps_of};
+use super::orbit::compose_growth;
 use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
 use crate::graph::{

@@ -2,13 +2,45 @@
 
 use rhai::Map;
 
-use super::orbit::remembering;
 use super::{ComposeResult, Composer};
 use crate::expr::{Arena, Expr};
 use crate::formula::script::base_scope;
-use crate::formula::step::{ParamKind, Step, StepInputs, Traced, script_expr, script_value};
+use crate::formula::step::{ParamKind, ScalarRule, Step, StepInputs, Traced, script_expr, script_value};
 use crate::formula::symbolic::to_dynamic;
 use crate::graph::{Condition, Constant, MapTree, NodeKind, NodeRef, ParamInput, resolve_schedule};
+
+/// The steps of a node and of all it is wired to.
+pub(super) fn steps_of<'g>(composer: &'g Composer, root: NodeRef) -> Vec<&'g Step> {
+    step_nodes(composer, root).into_iter().map(|(_, step)| step).collect()
+}
+
+/// Nodes of the steps that remember what they had before.
+pub(super) fn remembering(composer: &Composer, root: NodeRef) -> Vec<NodeRef> {
+    step_nodes(composer, root).into_iter().filter(|(_, step)| step.remembers()).map(|(node, _)| node).collect()
+}
+
+fn step_nodes<'g>(composer: &'g Composer, root: NodeRef) -> Vec<(NodeRef, &'g Step)> {
+    let mut stack = vec![root];
+    let mut seen = vec![false; composer.graph.nodes.len()];
+    let mut steps = Vec::new();
+    while let Some(of) = stack.pop() {
+        if std::mem::replace(&mut seen[of.0], true) {
+            continue;
+        }
+        let kind = &composer.graph.node(of).kind;
+        if let NodeKind::Step { step, .. } = kind {
+            steps.push((of, &**step));
+        }
+        stack.extend(kind.wires());
+    }
+    steps
+}
+
+/// The weakest scalar rule of a map's steps; `None` where one of them has none.
+pub fn scalar_rules(composer: &Composer, root: NodeRef) -> Option<ScalarRule> {
+    let rules = steps_of(composer, root).into_iter().map(|s| s.scalar_rule).collect::<Option<Vec<_>>>()?;
+    Some(if rules.contains(&ScalarRule::Heuristic) { ScalarRule::Heuristic } else { ScalarRule::Exact })
+}
 
 /// Value and scalar derivative of a map.
 pub(super) type Moved<'g> = Traced<'g>;

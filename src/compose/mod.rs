@@ -21,7 +21,8 @@ mod value;
 
 pub use choose::{Choice, Plan, choose};
 pub use field::{Decider, FieldOrbit, compose_estimator, deciders, field_orbits};
-pub use orbit::{compose_growth, scalar_rules};
+pub use maps::scalar_rules;
+pub use orbit::compose_growth;
 pub use parts::{IterationParts, Part, iteration_parts};
 
 use std::rc::Rc;

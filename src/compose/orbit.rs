@@ -2,12 +2,11 @@
 
 use super::choose::MEASURED_CYCLE;
 use super::levels::Joined;
-use super::maps::{Memory, Moved, apply, apply_all, fixed_constant};
+use super::maps::{Memory, Moved, apply, apply_all, fixed_constant, remembering};
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
-use crate::formula::step::{ScalarRule, Step};
-use crate::graph::{Constant, DeForm, IterationMap, Method, NodeKind, NodeRef, OrbitSettings, resolve_schedule};
+use crate::graph::{Constant, DeForm, IterationMap, Method, NodeRef, OrbitSettings, resolve_schedule};
 use crate::kernel::{EstimatorInputs, Orbit};
 
 /// What an orbit carries besides z.
@@ -434,39 +433,6 @@ pub fn compose_growth(
     }
     function.output("r", moved.z.length());
     Ok((function, schedule.cycle.len().min(MEASURED_CYCLE)))
-}
-
-/// The steps of a node and of all it is wired to.
-pub(super) fn steps_of<'g>(composer: &'g Composer, root: NodeRef) -> Vec<&'g Step> {
-    step_nodes(composer, root).into_iter().map(|(_, step)| step).collect()
-}
-
-/// Nodes of the steps that remember what they had before.
-pub(super) fn remembering(composer: &Composer, root: NodeRef) -> Vec<NodeRef> {
-    step_nodes(composer, root).into_iter().filter(|(_, step)| step.remembers()).map(|(node, _)| node).collect()
-}
-
-fn step_nodes<'g>(composer: &'g Composer, root: NodeRef) -> Vec<(NodeRef, &'g Step)> {
-    let mut stack = vec![root];
-    let mut seen = vec![false; composer.graph.nodes.len()];
-    let mut steps = Vec::new();
-    while let Some(of) = stack.pop() {
-        if std::mem::replace(&mut seen[of.0], true) {
-            continue;
-        }
-        let kind = &composer.graph.node(of).kind;
-        if let NodeKind::Step { step, .. } = kind {
-            steps.push((of, &**step));
-        }
-        stack.extend(kind.wires());
-    }
-    steps
-}
-
-/// The weakest scalar rule of a map's steps; `None` where one of them has none.
-pub fn scalar_rules(composer: &Composer, root: NodeRef) -> Option<ScalarRule> {
-    let rules = steps_of(composer, root).into_iter().map(|s| s.scalar_rule).collect::<Option<Vec<_>>>()?;
-    Some(if rules.contains(&ScalarRule::Heuristic) { ScalarRule::Heuristic } else { ScalarRule::Exact })
 }
 
 /// A kernel that says `inside` for points of an orbit's own frame.

@@ -1,8 +1,7 @@
 //! Orbits inside end shapes: their few iterations become part of the expression that the end is looked up in.
 
-use super::maps::{Memory, Moved, apply, apply_all, fixed_constant};
+use super::maps::{Memory, Moved, apply, apply_all, fixed_constant, scalar_rules, steps_of};
 use super::norm::scaled_length;
-use super::orbit::{scalar_rules, steps_of};
 use super::{ComposeResult, Composer};
 use crate::expr::{Differentiator, Expr};
 use crate::formula::step::Growth;

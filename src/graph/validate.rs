@@ -261,6 +261,17 @@ impl ValidGraph {
         self
     }
 
+    /// The same graph without what a calibration put into its file: what a calibration starts from.
+    #[must_use]
+    pub fn without_calibration(&self) -> ValidGraph {
+        self.with_orbit_settings(|settings| {
+            let estimate = &mut settings.estimate;
+            if std::mem::take(&mut estimate.calibrated) {
+                (estimate.method, estimate.fudge, estimate.least_step) = (None, None, None);
+            }
+        })
+    }
+
     /// The same graph with other settings of its orbits, for example to follow them past their escape. Wires in the
     /// settings (`pre`, `post`) must stay those of the graph.
     pub fn with_orbit_settings(&self, mut change: impl FnMut(&mut OrbitSettings)) -> ValidGraph {
