@@ -80,8 +80,17 @@ pub fn load_text(
     }
     let overrides = expanded;
     let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let graph = read(library, &value, &stem, &overrides, d)?;
+    let mut graph = read(library, &value, &stem, &overrides, d)?;
+    if overrides.iter().any(changes_the_view) {
+        graph = graph.without_calibration();
+    }
     (!d.has_errors()).then_some(Loaded { graph, text: id })
+}
+
+/// Whether a change makes a calibrated estimate of the file one of another picture.
+fn changes_the_view(change: &Override) -> bool {
+    let field = change.path.rsplit('.').next().unwrap_or_default();
+    !["estimate", "look"].contains(&field)
 }
 
 /// Reads a text file of at most 1 MiB; an error is pushed.

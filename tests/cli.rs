@@ -320,6 +320,16 @@ fn calibrations_are_shown_kept_and_switched_off() {
     let chosen = value["candidates"].as_array().unwrap().iter().filter(|row| row["why_not"].is_null());
     assert_eq!(chosen.count(), 1);
 
+    // What the file carries holds for its own picture alone.
+    let carried = |arguments: &[&str]| {
+        let common = ["render", "menger", "--size", "64x48", "--samples", "1", "--backend", "cpu", "--stats", "-q"];
+        stderr(&run(&[&common[..], arguments].concat())).contains("the file says that its estimate is calibrated")
+    };
+    assert!(carried(&[]) && carried(&["--set", "look=(fog: 0.1)"]));
+    for other in [["--set", "grow.scale=2.9"], ["--set", "max_iterations=3"], ["--fov", "30"]] {
+        assert!(!carried(&other), "{other:?}");
+    }
+
     for budget in ["0.5", "0%", "200%", "1%,2%,3,4", "1%,2%,-1"] {
         let refused = run(&["render", "menger", "--error-budget", budget]);
         assert_eq!(code(&refused), 2, "{budget}: {}", stderr(&refused));

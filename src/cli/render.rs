@@ -398,7 +398,8 @@ pub(super) fn with_view(
             frame_automatically(plan.bounding_radius)
         }
     };
-    Ok(graph.with_camera(view.apply(base)?))
+    // What the file's estimate was calibrated on is not seen any more.
+    Ok(graph.with_camera(view.apply(base)?).without_calibration())
 }
 
 /// A picture in memory of a formula that has been loaded.
