@@ -74,7 +74,7 @@ fn compare_sets(precision: Precision) {
 }
 
 fn compare(cpu: Cpu) {
-    let size = Size { width: 72, height: 54 };
+    let size = Size { width: 48, height: 36 };
     for name in sampled::sampled(12) {
         with_pipeline(name, size, |arena, pipeline| {
             let pixels: Vec<(u32, u32)> = bulbfold::film::tiles(size).iter().flat_map(|tile| tile.pixels()).collect();
