@@ -62,7 +62,7 @@ fn parameters(step: &Step, set: usize, random: &mut Random) -> Vec<(String, Para
 }
 
 /// A step's image and stated rules as one kernel. Inputs: z, x and y (points of the ball), e and t. Outputs: the images of
-/// the three, the derivative at z along x - z, then growth, stretch, bend and pull_back, the chord to x with its radius and the
+/// the three, the derivative at z along x - z, then growth, stretch, bend, tube and pull_back, the chord to x with its radius and the
 /// factor at z; -1 where they are not stated.
 fn kernel(library: &Library, step: &Step, arena: &Rc<Arena>, params: &[(String, ParamValue)], width: u8) -> Kernel {
     let ty = Type::F.with_width(width);
@@ -97,9 +97,14 @@ fn kernel(library: &Library, step: &Step, arena: &Rc<Arena>, params: &[(String, 
     function.output("fx", image(x));
     function.output("fy", image(y));
     function.output("along", Differentiator::new(arena, &[(z, x - z)]).derivative(centre));
-    for name in ["growth", "stretch", "bend"] {
+    for name in ["growth", "stretch"] {
         function.output(name, number(name, &[z, e]));
     }
+    // A line through x, and a tube around it through y.
+    let way = (x - z).length();
+    let unit = (x - z) / way.max(arena.f(1e-30));
+    function.output("bend", number("bend", &[z, unit, e]));
+    function.output("tube", number("tube", &[z, unit, way, (y - x).length()]));
     function.output("pull_back", number("pull_back", &[t]));
     // A chord to x, with y off it: both lie within l and within e.
     let reach = (x - z).length().max((y - z).length());
@@ -147,8 +152,8 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     norm(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>())
 }
 
-/// How many samples had each rule: growth, stretch, bend, chord and pull_back.
-type Seen = [usize; 5];
+/// How many samples had each rule: growth, stretch, bend, tube, chord and pull_back.
+type Seen = [usize; 6];
 
 fn check_rules(
     library: &Library,
@@ -172,7 +177,7 @@ fn check_rules(
     for i in 0..BALLS {
         let [z, x, y] = [0, 1, 2].map(|k| vector(&columns, k, i));
         let [fz, fx, fy, along] = [0, 1, 2, 3].map(|k| vector(&out, k, i));
-        let [growth, stretch, bend, pull_back] = [0, 1, 2, 3].map(|k| out[4 * w + k][i]);
+        let [growth, stretch, bend, tube, pull_back] = [0, 1, 2, 3, 4].map(|k| out[4 * w + k][i]);
         let slack = ROUNDING * [&z, &x, &fz, &fx, &fy].map(|v| norm(v)).iter().fold(0.0, |a: f64, b| a.max(*b));
         let place = || format!("{} {params:?} at {z:?} within {}: {x:?}, {y:?}", step.name, columns[3 * w][i]);
         let mut holds = |rule: usize, bound: f64, found: f64, allowed: f64| {
@@ -181,19 +186,20 @@ fn check_rules(
                 return;
             }
             seen[rule] += 1;
-            let name = ["growth", "stretch", "bend", "chord"][rule];
+            let name = ["growth", "stretch", "bend", "tube", "chord"][rule];
             assert!(found <= allowed * (1.0 + 1e-9) + slack, "{name} {bound}: {found} above {allowed}, {}", place());
         };
         holds(0, growth, distance(&fx, &fz), growth * distance(&x, &z));
         holds(1, stretch, distance(&fx, &fy), stretch * distance(&x, &y));
         let straight: Vec<f64> = fz.iter().zip(&along).map(|(f, a)| f + a).collect();
         holds(2, bend, distance(&fx, &straight), 0.5 * bend * distance(&x, &z).powi(2));
-        let chord: Vec<f64> = (0..moved).map(|j| fz[j] + out[4 * w + 4 + j][i]).collect();
-        let [radius, factor] = [0, 1].map(|k| out[5 * w + 4 + k][i]);
-        holds(3, radius, distance(&fy, &chord), radius + factor * distance(&x, &y));
-        holds(3, radius, distance(&fx, &chord), radius);
+        holds(3, tube, distance(&fx, &fy), tube * distance(&x, &y));
+        let chord: Vec<f64> = (0..moved).map(|j| fz[j] + out[4 * w + 5 + j][i]).collect();
+        let [radius, factor] = [0, 1].map(|k| out[5 * w + 5 + k][i]);
+        holds(4, radius, distance(&fy, &chord), radius + factor * distance(&x, &y));
+        holds(4, radius, distance(&fx, &chord), radius);
         if (0.0..UNKNOWN).contains(&pull_back) {
-            seen[4] += 1;
+            seen[5] += 1;
             let t = columns[3 * w + 1][i];
             let image = norm(&fz);
             assert!(
@@ -230,9 +236,9 @@ fn stated_rules_hold_for_random_balls() {
             }
         }
         // No test that cannot fail: what a file states was also sampled.
-        for (rule, count) in ["growth", "stretch", "bend", "chord", "pull_back"].iter().zip(seen) {
-            let arguments =
-                [("pull_back", 2), ("chord", 5)].iter().find(|known| known.0 == *rule).map_or(3, |known| known.1);
+        for (rule, count) in ["growth", "stretch", "bend", "tube", "chord", "pull_back"].iter().zip(seen) {
+            let known = [("pull_back", 2), ("bend", 4), ("tube", 5), ("chord", 5)];
+            let arguments = known.iter().find(|known| known.0 == *rule).map_or(3, |known| known.1);
             assert!(!step.has_function(rule, arguments) || count > 200, "{}: {rule} only {count} times", step.name);
         }
     }

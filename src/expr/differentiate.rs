@@ -70,6 +70,9 @@ impl<'g> Differentiator<'g> {
             Op::Extract(i) => vec![d[0][i as usize]],
             Op::Dot => vec![self.dot(&x, &d)],
             Op::Apply(Operator::Mul) if self.scaled_factor(&x).is_some() => self.scaled_product(&x),
+            Op::Apply(Operator::Div) if x[0].as_constant().is_some_and(|c| c[..width].iter().all(|&c| c == 1.0)) => {
+                self.inverse(x[1], y)
+            }
             Op::Apply(operator) => (0..width)
                 .map(|i| {
                     let x: Vec<_> = x.iter().map(|x| x.component(i as u8)).collect();
@@ -109,6 +112,18 @@ impl<'g> Differentiator<'g> {
             db * scaled[0].component(i as u8) + da * scaled[1].component(i as u8)
         };
         (0..x[0].ty().width as usize).map(component).collect()
+    }
+
+    /// The tangents of `y = 1 / x` by products of y alone, also where x is a square root: divisions are dear.
+    fn inverse(&self, x: Expr<'g>, y: Expr<'g>) -> Vec<Expr<'g>> {
+        let node = x.node();
+        let of_root = node.op == Op::Apply(Operator::Sqrt);
+        let inner = if of_root { self.arena.expr(node.args()[0]) } else { x };
+        let component = |i: usize| {
+            let (d, y) = (self.known[&inner.id][i], y.component(i as u8));
+            if of_root { d * y * y * (y * -0.5) } else { d * y * -y }
+        };
+        (0..x.ty().width as usize).map(component).collect()
     }
 
     /// The tangent of a scalar product.

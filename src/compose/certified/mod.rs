@@ -27,7 +27,7 @@ use crate::graph::{
     Condition, Constant, EndShape, IterationMap, MapTree, Method, NO_ESCAPE, NodeRef, OrbitSettings, resolve_schedule,
 };
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
-use rules::{RuleInputs, StepRule, Tangent, step_rule};
+use rules::{Line, RuleInputs, Tangent, step_rule};
 
 /// Share of a proven step that is taken: the rest is for rounding of the factor itself.
 const MARGIN: f64 = 0.999;
@@ -146,6 +146,8 @@ struct Builder<'a> {
 struct Frozen<'g> {
     start: Moved<'g>,
     e0: Expr<'g>,
+    /// Least threshold: the escape radius where the start point is too long for the others.
+    floor: Option<Expr<'g>>,
 }
 
 impl<'a> Builder<'a> {
@@ -178,13 +180,20 @@ impl<'a> Builder<'a> {
         for (name, e) in start.parts("c_").into_iter().filter(|(_, e)| e.as_constant().is_none()) {
             give(name, e, &mut frozen);
         }
+        let floor = self.floor(&maps, start, e0);
+        if let Some(floor) = floor {
+            give("floor".into(), floor, &mut frozen);
+        }
 
         let moved = start.as_inputs(0, false);
         let s = arena.input((state.len() - 1) as u16, Type::F);
         let joined = first.map(|_| Joined { d: arena.input((state.len() - 2) as u16, Type::F), gradient: None });
-        let fixed =
-            Frozen { e0: arena.input(state.len() as u16, Type::F), start: start.as_inputs(state.len() + 1, true) };
         let mut ports: Vec<Port> = state.iter().chain(&frozen).cloned().collect();
+        let fixed = Frozen {
+            e0: arena.input(state.len() as u16, Type::F),
+            start: start.as_inputs(state.len() + 1, true),
+            floor: floor.map(|_| arena.input((ports.len() - 1) as u16, Type::F)),
+        };
         let n = arena.input(ports.len() as u16, Type::F);
         ports.push(Port::new("n", Type::F));
         let mut items = Vec::new();
@@ -192,7 +201,7 @@ impl<'a> Builder<'a> {
             let mut function = Function::new(format!("{name}_iterate_{i}"), ports.clone());
             let next = self.iterate(item, moved, &fixed, n)?;
             let limit = thresholds::threshold_of(&all, &schedule, i, n);
-            let s = self.prove(s, &next, self.valid(&maps, limit, &fixed));
+            let s = self.prove(s, &next, fixed.floor.map_or(limit, |floor| limit.max(floor)));
             for (name, e) in next.parts("") {
                 function.output(name, e);
             }
@@ -237,7 +246,7 @@ impl<'a> Builder<'a> {
             moved = match place {
                 Place::Warped(by) => {
                     let (maps, _) = resolve_schedule(self.composer.graph, *by, Constant::Off, 1);
-                    context.apply(&maps[0].map, moved)?
+                    context.apply(&maps[0].map, moved)?.settled()
                 }
                 _ => {
                     let z = place.enter(self.composer, Traced { z: moved.z, dr: None })?.z;
@@ -252,7 +261,7 @@ impl<'a> Builder<'a> {
         let context = Context { c: moved.z.lift(0.0), ..context };
         for node in &self.settings.pre {
             let (maps, _) = resolve_schedule(self.composer.graph, *node, Constant::Off, 1);
-            moved = context.apply(&maps[0].map, moved)?;
+            moved = context.apply(&maps[0].map, moved)?.settled();
         }
         Ok((moved, e0))
     }
@@ -294,15 +303,16 @@ impl<'a> Builder<'a> {
         Ok(Moved { l: cap(added.l), eta: cap(added.eta), ..added })
     }
 
-    /// The threshold where the start point is short enough for it, else the escape radius.
-    fn valid(&self, maps: &[IterationMap], limit: Expr<'a>, frozen: &Frozen<'a>) -> Expr<'a> {
+    /// 0 where the start point is short enough for the thresholds, which hold for constants of its length; else the escape
+    /// radius.
+    fn floor(&self, maps: &[IterationMap], start: Moved<'a>, e0: Expr<'a>) -> Option<Expr<'a>> {
         if maps.iter().all(|m| m.constant.start_weight() == 0.0) {
-            return limit;
+            return None;
         }
         let arena = self.composer.arena;
-        let reach = frozen.start.z.length() + frozen.start.l * frozen.e0 + frozen.start.eta;
+        let reach = start.z.length() + start.l * e0 + start.eta;
         let largest = arena.f(self.choice.extent * (1.0 + LARGEST_START));
-        reach.le(largest).select(limit, arena.f(self.settings.escape_radius))
+        Some(reach.le(largest).select(arena.f(0.0), arena.f(self.settings.escape_radius)))
     }
 
     /// With an end shape the ball is also empty where the image's distance from the shape is above its radius; below 0
@@ -335,7 +345,7 @@ impl<'a> Builder<'a> {
         let mut end = moved;
         for node in &self.settings.post {
             let (maps, _) = resolve_schedule(self.composer.graph, *node, Constant::Off, 1);
-            end = context.apply(&maps[0].map, end)?;
+            end = context.apply(&maps[0].map, end)?.settled();
         }
         let f = shape_at(self.composer, field, end.z, n)?;
         let rounded = reachable(arena, &[f.id]).len() as f64 * 4.0 * self.choice.unit;
@@ -363,26 +373,30 @@ impl<'a> Builder<'a> {
     fn prove(&self, s: Expr<'a>, moved: &Moved<'a>, threshold: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
         let r = moved.z.length();
-        // Lengths of a segment, on both sides of its middle, change only by its direction's share towards the origin.
+        // Lengths of a segment, on both sides of its middle, change only by its direction's share towards the origin. All
+        // is multiplied by r, so that one division is enough.
         let factor = moved.segment.map_or(moved.l, |(v, rho)| {
-            let towards = rho + (v.dot(moved.z) / r).abs();
-            towards.lt(moved.l).select(towards, moved.l)
+            let (towards, all) = (rho * r + v.dot(moved.z).abs(), moved.l * r);
+            towards.lt(all).select(towards, all)
         });
-        let proven = (r - threshold - moved.eta) / factor.max(arena.f(1e-30));
+        let room = r - threshold - moved.eta;
+        let room = if moved.segment.is_some() { room * r } else { room };
+        let proven = room / factor.max(arena.f(1e-30));
         let known = moved.l.lt(arena.f(UNBOUNDED)).and(r.lt(arena.f(UNBOUNDED)));
         known.and(s.lt(proven)).select(proven, s)
     }
 }
 
 impl<'a> Context<'a, '_> {
+    /// The image of what is settled; it is not settled itself, since a constant may follow.
     fn apply(&self, map: &MapTree, input: Moved<'a>) -> ComposeResult<Moved<'a>> {
         match map {
             MapTree::Identity => Ok(input),
             MapTree::Step(node) => self.step(*node, input),
-            MapTree::Sequence(parts) => parts.iter().try_fold(input, |moved, part| self.apply(part, moved)),
-            MapTree::Repeat(of, times) => (0..*times).try_fold(input, |moved, _| self.apply(of, moved)),
+            MapTree::Sequence(parts) => self.in_turn(parts.iter(), input),
+            MapTree::Repeat(of, times) => self.in_turn(std::iter::repeat_n(&**of, *times as usize), input),
             MapTree::Blend(a, b, weight) => {
-                let (a, b) = (self.apply(a, input)?, self.apply(b, input)?);
+                let (a, b) = (self.apply(a, input)?.settled(), self.apply(b, input)?.settled());
                 let (x, y) = (1.0 - weight, *weight);
                 let sum = |a: Expr<'a>, b: Expr<'a>| a * x.abs() + b * y.abs();
                 let segment = a.segment.zip(b.segment);
@@ -391,18 +405,31 @@ impl<'a> Context<'a, '_> {
                     l: sum(a.l, b.l),
                     eta: sum(a.eta, b.eta),
                     segment: segment.map(|((va, ra), (vb, rb))| (va * x + vb * y, sum(ra, rb))),
-                }
-                .settled())
+                })
             }
             MapTree::Choose(when, then, otherwise) => {
-                let branches = (self.apply(then, input)?, self.apply(otherwise, input)?);
+                let branches = (self.apply(then, input)?.settled(), self.apply(otherwise, input)?.settled());
                 Ok(self.choose(*when, input, branches))
             }
         }
     }
 
+    fn in_turn<'m>(&self, mut maps: impl Iterator<Item = &'m MapTree>, input: Moved<'a>) -> ComposeResult<Moved<'a>> {
+        let Some(first) = maps.next() else { return Ok(input) };
+        let moved = self.apply(first, input)?;
+        maps.try_fold(moved, |moved, map| self.apply(map, moved.settled()))
+    }
+
     fn radius(&self, moved: &Moved<'a>) -> Expr<'a> {
         moved.l * self.e0 + moved.eta
+    }
+
+    /// The segment and the tube around it that holds all images, rounding errors included.
+    fn line(&self, moved: &Moved<'a>) -> Option<Line<'a>> {
+        let (v, rho) = moved.segment?;
+        let speed = v.length();
+        let unit = v * (1.0 / speed.max(v.arena.f(1e-30)));
+        Some(Line { v, unit, reach: speed * self.e0, tube: rho * self.e0 + moved.eta })
     }
 
     fn step(&self, node: NodeRef, input: Moved<'a>) -> ComposeResult<Moved<'a>> {
@@ -411,39 +438,36 @@ impl<'a> Context<'a, '_> {
             e: self.radius(&input),
             c: self.c,
             e_c: self.c_l * self.e0,
-            v: input.segment.map(|(v, _)| v),
+            line: self.line(&input),
             l: input.l,
             n: self.n,
         };
         let Some(rule) = step_rule(self.composer, node, inputs)? else { return Ok(input) };
         let by_constant = rule.by_constant.map(|factor| factor * self.c_l);
         let l = rule.growth * input.l;
-        let rounding = rule.image.length() * (4.0 * self.unit * rule.operations as f64);
+        // Those of a segment grow by what bounds its remainder.
+        let of_rounding = match rule.tangent {
+            Some(Tangent::Within(..) | Tangent::Chord(..)) => rule.stretch,
+            _ => rule.growth,
+        };
+        // The sum of the coordinates is no shorter than the image.
+        let size = rule.image.abs().dot(rule.image.lift(1.0));
+        let rounding = size * (4.0 * self.unit * rule.operations as f64);
         let moved = Moved {
             z: rule.image,
             l: by_constant.map_or(l, |more| l + more),
-            eta: self.rounding_growth(&rule, &inputs) * input.eta + rounding,
+            eta: of_rounding * input.eta + rounding,
             segment: None,
         };
         let segment = input.segment.map(|(v, rho)| match rule.tangent {
             Some(Tangent::Within(middle, radius)) => (middle, rule.stretch * rho + radius),
-            // Taylor: no point is farther from the centre than l s, so l e0 bounds one of the two factors.
-            Some(Tangent::Bending(along, bend)) => (along, rule.growth * rho + bend * inputs.e * input.l * 0.5),
+            // Taylor along the segment, then across to the point.
+            Some(Tangent::Bending(along, bend, within)) => (along, within * rho + bend * v.dot(v) * self.e0 * 0.5),
             Some(Tangent::Chord(middle, radius, factor)) => (middle, factor * rho + radius),
             // Worse than the factor, so it starts again.
             None => (v.lift(0.0), moved.l),
         });
-        Ok(Moved { segment, ..moved }.settled())
-    }
-
-    /// How much rounding errors grow: those of a segment by what bounds its remainder. Where a bend is worse than the
-    /// growth the segment starts again, so it need not count for more.
-    fn rounding_growth(&self, rule: &StepRule<'a>, inputs: &RuleInputs<'a>) -> Expr<'a> {
-        match rule.tangent {
-            Some(Tangent::Within(..) | Tangent::Chord(..)) => rule.stretch,
-            Some(Tangent::Bending(_, bend)) => rule.growth + (bend * inputs.e * 0.5).min(rule.growth * KEPT),
-            None => rule.growth,
-        }
+        Ok(Moved { segment, ..moved })
     }
 
     /// The union of both branches where the condition is not decided over the ball. The other branch's distance from the

@@ -15,7 +15,7 @@ use crate::graph::{NodeKind, NodeRef};
 pub(super) struct StepRule<'g> {
     /// The image of the centre.
     pub(super) image: Expr<'g>,
-    /// Most that a distance from the centre grows by, for points of the ball.
+    /// Most that a distance from the centre grows by, for points of the ball; of the tube where the tangent bends.
     pub(super) growth: Expr<'g>,
     /// Most that a distance of any two points of the ball grows by; at least [`UNBOUNDED`] where the step may jump.
     pub(super) stretch: Expr<'g>,
@@ -32,9 +32,9 @@ pub(super) struct StepRule<'g> {
 pub(super) enum Tangent<'g> {
     /// At all points of the ball it lies in a ball with this centre and radius.
     Within(Expr<'g>, Expr<'g>),
-    /// What it is at the centre, and how much the derivative in any direction changes at most per length of the way from
-    /// there.
-    Bending(Expr<'g>, Expr<'g>),
+    /// What it is at the centre, how long the second derivative of the [`Line`]'s image is at most by the way along it, and
+    /// most that a distance grows by within the line's tube.
+    Bending(Expr<'g>, Expr<'g>, Expr<'g>),
     /// A vector, a radius and a factor: the image of z + s v + s u is within s (radius + factor |u|) of the image of z
     /// plus s times the vector, for points that [`RuleInputs::l`] speaks of.
     Chord(Expr<'g>, Expr<'g>, Expr<'g>),
@@ -44,7 +44,7 @@ impl<'g> Tangent<'g> {
     fn parts(self) -> Vec<Expr<'g>> {
         match self {
             Tangent::Within(middle, radius) => vec![middle, radius],
-            Tangent::Bending(along, bend) => vec![along, bend],
+            Tangent::Bending(along, bend, tube) => vec![along, bend, tube],
             Tangent::Chord(middle, radius, factor) => vec![middle, radius, factor],
         }
     }
@@ -60,12 +60,31 @@ pub(super) struct RuleInputs<'g> {
     /// Constant that the step may read, and the radius of the ball that it ranges over.
     pub(super) c: Expr<'g>,
     pub(super) e_c: Expr<'g>,
-    /// Direction whose derivatives are wanted.
-    pub(super) v: Option<Expr<'g>>,
+    /// Of a segment: its direction, whose derivatives are wanted.
+    pub(super) line: Option<Line<'g>>,
     /// Points at s of the start lie within l s of the centre, and within e.
     pub(super) l: Expr<'g>,
     /// Number of the iteration.
     pub(super) n: Expr<'g>,
+}
+
+/// A segment through the centre and a tube around it.
+#[derive(Clone, Copy)]
+pub(super) struct Line<'g> {
+    /// Direction by the start's parameter.
+    pub(super) v: Expr<'g>,
+    /// The same of length 1; 0 where v is.
+    pub(super) unit: Expr<'g>,
+    /// How far it goes to both sides.
+    pub(super) reach: Expr<'g>,
+    /// Radius of the tube.
+    pub(super) tube: Expr<'g>,
+}
+
+impl<'g> Line<'g> {
+    fn parts(&self) -> [Expr<'g>; 4] {
+        [self.v, self.unit, self.reach, self.tube]
+    }
 }
 
 /// First of the inputs that stand for a rule's arguments while it is traced; functions have far fewer inputs.
@@ -90,7 +109,12 @@ pub(super) fn step_rule<'a>(
         e: input(2, number),
         c,
         e_c: input(3, number),
-        v: inputs.v.map(|_| input(4, wide)),
+        line: inputs.line.map(|_| Line {
+            v: input(4, wide),
+            unit: input(6, wide),
+            reach: input(7, number),
+            tube: input(8, number),
+        }),
         l: input(5, number),
         n: inputs.n,
     };
@@ -103,7 +127,9 @@ pub(super) fn step_rule<'a>(
     if inputs.c.as_constant().is_none() {
         places.push((symbols.c, inputs.c));
     }
-    places.extend(symbols.v.zip(inputs.v));
+    if let (Some(symbols), Some(line)) = (symbols.line, inputs.line) {
+        places.extend(symbols.parts().into_iter().zip(line.parts()));
+    }
     let mut roots = vec![rule.image, rule.growth, rule.stretch];
     roots.extend(rule.by_constant);
     roots.extend(rule.tangent.iter().flat_map(|tangent| tangent.parts()));
@@ -116,7 +142,7 @@ pub(super) fn step_rule<'a>(
         by_constant: rule.by_constant.map(|_| next()),
         tangent: rule.tangent.map(|tangent| match tangent {
             Tangent::Within(..) => Tangent::Within(next(), next()),
-            Tangent::Bending(..) => Tangent::Bending(next(), next()),
+            Tangent::Bending(..) => Tangent::Bending(next(), next(), next()),
             Tangent::Chord(..) => Tangent::Chord(next(), next(), next()),
         }),
         operations: rule.operations,
@@ -136,22 +162,24 @@ impl<'a> Tracer<'a, '_> {
         let image = self.image()?;
         let nodes = reachable(arena, &[image.id]);
         let reads_c = self.inputs.c.as_constant().is_none() && nodes.contains(&self.inputs.c.id);
-        let (stretch, by_constant) = match self.stated_stretch(image, reads_c)? {
-            Some(stretch) => (stretch, None),
-            None => self.derived_stretch(image, reads_c),
-        };
-        let growth = if reads_c { None } else { self.number("growth")? };
-        let growth = growth.unwrap_or(stretch);
-        let tangent = match self.inputs.v {
-            Some(v) if self.step.differentiable && !reads_c => self.tangent(image, v)?,
+        let (stretch, by_constant) = self.stretch(image, reads_c)?;
+        let tangent = match self.inputs.line {
+            Some(line) if self.step.differentiable && !reads_c => self.tangent(image, line)?,
             _ => None,
+        };
+        let growth = match tangent {
+            // Everything is in the tube.
+            Some(Tangent::Bending(_, _, within)) => within,
+            _ if reads_c => stretch,
+            _ => self.number("growth")?.unwrap_or(stretch),
         };
         Ok(StepRule { image, growth, stretch, by_constant, tangent, operations: nodes.len() })
     }
 
-    fn tangent(&self, image: Expr<'a>, v: Expr<'a>) -> Result<Option<Tangent<'a>>, Diagnostic> {
+    fn tangent(&self, image: Expr<'a>, line: Line<'a>) -> Result<Option<Tangent<'a>>, Diagnostic> {
         let (arena, library) = (self.composer.arena, self.composer.library);
         let RuleInputs { z, l, e, .. } = self.inputs;
+        let Line { v, unit, reach, tube } = line;
         let chord = self.step.trace_chord(&library.engine, &library.sources, arena, &[z, v, l, e], self.map)?;
         if let Some([middle, radius]) = chord.filter(|_| self.step.scalar_rule == Some(ScalarRule::Exact))
             && let (_, Some(factor)) = self.trace(Some(arena.f(1.0)))?
@@ -159,8 +187,13 @@ impl<'a> Tracer<'a, '_> {
             return Ok(Some(Tangent::Chord(middle, radius, factor)));
         }
         let along = Differentiator::new(arena, &[(z, v)]).derivative(image);
-        if let Some(bend) = self.traced_number("bend")? {
-            return Ok(Some(Tangent::Bending(along, bend)));
+        if let Some(bend) = self.traced_number("bend", &[z, unit, reach])? {
+            let within = match self.traced_number("tube", &[z, unit, reach, tube])? {
+                Some(number) => self.with_w(number),
+                // The ball that holds the tube.
+                None => Tracer { inputs: RuleInputs { e: reach + tube, ..self.inputs }, ..*self }.stretch(image, false)?.0,
+            };
+            return Ok(Some(Tangent::Bending(along, bend, within)));
         }
         // Of maps whose derivative is only guessed by r, bounds of the derivative over a ball were measured to be wider
         // than a stated growth, at four times its cost: there the segment starts again.
@@ -187,19 +220,27 @@ impl<'a> Tracer<'a, '_> {
 
     /// A rule of the step's file, at least 1 where the step leaves w alone.
     fn number(&self, function: &str) -> Result<Option<Expr<'a>>, Diagnostic> {
-        Ok(self.traced_number(function)?.map(|number| self.with_w(number)))
+        let number = self.traced_number(function, &[self.inputs.z, self.inputs.e])?;
+        Ok(number.map(|number| self.with_w(number)))
     }
 
-    fn traced_number(&self, function: &str) -> Result<Option<Expr<'a>>, Diagnostic> {
+    fn traced_number(&self, function: &str, arguments: &[Expr<'a>]) -> Result<Option<Expr<'a>>, Diagnostic> {
         let library = self.composer.library;
-        let arguments = [self.inputs.z, self.inputs.e];
         let arena = self.composer.arena;
-        self.step.trace_number(&library.engine, &library.sources, arena, function, &arguments, self.map)
+        self.step.trace_number(&library.engine, &library.sources, arena, function, arguments, self.map)
     }
 
     fn with_w(&self, number: Expr<'a>) -> Expr<'a> {
         let narrow = self.step.state == StateWidth::Three && self.inputs.z.ty().width == 4;
         if narrow { number.max(number.lift(1.0)) } else { number }
+    }
+
+    /// Most that distances of z grow by, and of the constant where the step reads it.
+    fn stretch(&self, image: Expr<'a>, reads_c: bool) -> Result<(Expr<'a>, Option<Expr<'a>>), Diagnostic> {
+        Ok(match self.stated_stretch(image, reads_c)? {
+            Some(stretch) => (stretch, None),
+            None => self.derived_stretch(image, reads_c),
+        })
     }
 
     /// The stretch by `fn stretch`, or the largest value over the ball of an exact scalar rule of a step that does not
