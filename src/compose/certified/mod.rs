@@ -11,6 +11,7 @@
 //!
 //! [`rules`] says where growth comes from.
 
+mod rounding;
 mod rules;
 mod thresholds;
 
@@ -452,7 +453,7 @@ impl<'a> Context<'a, '_> {
         };
         // The sum of the coordinates is no shorter than the image.
         let size = rule.image.abs().dot(rule.image.lift(1.0));
-        let rounding = size * (4.0 * self.unit * rule.operations as f64);
+        let rounding = size * (self.unit * rule.roundings);
         let moved = Moved {
             z: rule.image,
             l: by_constant.map_or(l, |more| l + more),

@@ -3,6 +3,7 @@
 
 use rhai::Map;
 
+use super::rounding::roundings;
 use crate::compose::{ComposeResult, Composer};
 use crate::diag::Diagnostic;
 use crate::expr::differentiate::reachable;
@@ -23,8 +24,8 @@ pub(super) struct StepRule<'g> {
     pub(super) by_constant: Option<Expr<'g>>,
     /// What becomes of the given vector.
     pub(super) tangent: Option<Tangent<'g>>,
-    /// Operations of the image: how often it is rounded.
-    pub(super) operations: usize,
+    /// How much rounding there may be in the image: units of its length times the error of one rounding.
+    pub(super) roundings: f64,
 }
 
 /// The derivative along a vector.
@@ -145,7 +146,7 @@ pub(super) fn step_rule<'a>(
             Tangent::Bending(..) => Tangent::Bending(next(), next(), next()),
             Tangent::Chord(..) => Tangent::Chord(next(), next(), next()),
         }),
-        operations: rule.operations,
+        roundings: rule.roundings,
     }))
 }
 
@@ -173,7 +174,7 @@ impl<'a> Tracer<'a, '_> {
             _ if reads_c => stretch,
             _ => self.number("growth")?.unwrap_or(stretch),
         };
-        Ok(StepRule { image, growth, stretch, by_constant, tangent, operations: nodes.len() })
+        Ok(StepRule { image, growth, stretch, by_constant, tangent, roundings: roundings(image) })
     }
 
     fn tangent(&self, image: Expr<'a>, line: Line<'a>) -> Result<Option<Tangent<'a>>, Diagnostic> {
@@ -191,7 +192,9 @@ impl<'a> Tracer<'a, '_> {
             let within = match self.traced_number("tube", &[z, unit, reach, tube])? {
                 Some(number) => self.with_w(number),
                 // The ball that holds the tube.
-                None => Tracer { inputs: RuleInputs { e: reach + tube, ..self.inputs }, ..*self }.stretch(image, false)?.0,
+                None => {
+                    Tracer { inputs: RuleInputs { e: reach + tube, ..self.inputs }, ..*self }.stretch(image, false)?.0
+                }
             };
             return Ok(Some(Tangent::Bending(along, bend, within)));
         }

@@ -11,9 +11,9 @@ use crate::formula::script::ScriptEngine;
 use crate::formula::symbolic::Symbol;
 
 impl Step {
-    /// Traces one of the step's functions that return a number: `stretch`, `growth` and `bend` of `(z, e, p)` or
-    /// `pull_back` of `(t, p)`. `None` where the file has none of this name. In a four-component orbit a step of three components sees
-    /// the first three.
+    /// Traces one of the step's functions that return a number: `stretch` and `growth` of `(z, e, p)`, `bend` of
+    /// `(z, u, e, p)`, `tube` of `(z, u, e, w, p)` or `pull_back` of `(t, p)`. `None` where the file has none of this name. In a
+    /// four-component orbit a step of three components sees the first three.
     pub fn trace_number<'g>(
         &self,
         engine: &ScriptEngine,
