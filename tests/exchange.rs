@@ -4,7 +4,6 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use bulbfold::check::Formula;
-#[cfg(feature = "gpu")]
 use bulbfold::graph::Method;
 
 fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
@@ -141,6 +140,82 @@ fn legacy_pictures_are_mirrored_with_their_camera() {
         seen[usize::from(inside)] += 1;
     }
     assert!(seen.iter().all(|count| *count > 10), "{seen:?}");
+}
+
+fn written(main: &str, slots: &[&str]) -> String {
+    let (folder, output) = import("some.fract", &settings(main, slots), &[]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    std::fs::read_to_string(folder.path().join("out.ron")).unwrap()
+}
+
+/// One iteration of each, worked out by hand from the program's own maps, and the point added.
+#[test]
+fn formulas_have_the_programs_maps() {
+    let [x, y, z] = [0.3f64, -0.4, 0.5];
+    let r = (x * x + y * y + z * z).sqrt();
+    let (polar, azimuth) = (4.0 * (y / r).acos(), 3.0 * x.atan2(z));
+    let iq = [polar.sin() * azimuth.sin(), polar.cos(), polar.sin() * azimuth.cos()].map(|part| part * r.powi(4));
+    let cases: [(&str, &str, [f64; 3]); 6] = [
+        ("formula_1 48;", "", [x * x - 2.0 * y * z, z * z + 2.0 * x * y, y * y + 2.0 * x * z]),
+        ("formula_1 49;", "", [x * x - 2.0 * y * z, z * z + 2.0 * x * y, -y * y + 2.0 * x * z]),
+        ("formula_1 50;", "", [x * x + 2.0 * y * z, -y * y - 2.0 * x * z, -z * z + 2.0 * x * y]),
+        ("formula_1 83;", "transf_pwr_8 4;\ntransf_pwr_8a 3;", iq),
+        // The two polar angles make half a turn, whatever they are.
+        ("formula_1 800;", "", [0.0, 0.0, -r * r]),
+        ("formula_1 4;", "", [x * x - y * y - z * z, 2.0 * x * y, 2.0 * x * z]),
+    ];
+    for (main, slot, image) in cases {
+        let found = imported("one.fract", &settings(main, &[slot]), &[]).orbit([x, y, z], 1);
+        for ((found, image), p) in found.iter().zip(image).zip([x, y, z]) {
+            assert!((found - image - p).abs() < 1e-12, "{main} {found} {image}");
+        }
+    }
+    // Inside the small ball all is 4 times as large, then twice; z becomes -2 z rho times 5.
+    let formula = imported("one.fract", &settings("formula_1 16;", &[""]), &[]);
+    let found = formula.orbit([0.25, 0.0, 0.25], 1);
+    assert!((found[0] - 0.25).abs() < 1e-12 && found[1].abs() < 1e-12 && (found[2] + 39.75).abs() < 1e-12, "{found:?}");
+}
+
+/// Mandelbulber turns by `IFS_rotation` without a switch in files of its first versions.
+#[test]
+fn old_kaleidoscopes_turn_without_a_switch() {
+    let slot = "IFS_abs_x true;\nIFS_rotation 45 0 0;";
+    let text = settings("formula_1 10;", &[slot]);
+    let turns = |text: &str| {
+        let formula = imported("ifs.fract", text, &[]);
+        // Mirrored to (1, 1, 0); without a turn about (1, 0, 0) the scaling by 2 about that makes (1, 2, 0) of it.
+        let found = formula.orbit([-1.0, 1.0, 0.0], 1);
+        (found[1] - 2.0).abs() > 0.1
+    };
+    assert!(!turns(&text));
+    assert!(turns(&text.replace("# version 2.20", "# version 2.05")));
+    assert!(!turns(
+        &text.replace("# version 2.20", "# version 2.05").replace("45 0 0;", "45 0 0;\nIFS_rotation_enabled false;")
+    ));
+}
+
+/// The program draws cylinders without caps without ends.
+#[test]
+fn open_cylinders_go_on() {
+    let main = "formula_1 7;\nprimitive_cylinder_1_enabled true;\nprimitive_cylinder_1_radius 0.5;\nprimitive_cylinder_1_position 3 0 0;";
+    let inside = |main: &str, z: f64| imported("some.fract", &settings(main, &[""]), &[]).inside([3.2, 0.0, z]);
+    assert!(inside(main, 0.4) && !inside(main, 0.6));
+    let open = format!("{main}\nprimitive_cylinder_1_caps false;");
+    assert!(inside(&open, 0.6) && inside(&open, -20.0));
+}
+
+/// Hairs that are thinner than any number belong to what rays show that stop at an estimate.
+#[test]
+fn rays_stop_at_the_programs_own_estimate() {
+    let bulb = written("formula_1 3;\ndetail_level 2;", &[""]);
+    assert!(
+        bulb.contains(r#"estimate: (method: "scalar", stop_at: 0.5)"#) && bulb.contains("bounding_radius: 2.0"),
+        "{bulb}"
+    );
+    let objects = written("boolean_operators true;\nformula_1 7;\nformula_2 8;", &["", ""]);
+    assert_eq!(objects.matches(r#", estimate: (method: "scalar", stop_at: 1.0)"#).count(), 2, "{objects}");
+    let hybrid = written("hybrid_fractal_enable true;\nformula_1 7;\nformula_2 8;", &["", ""]);
+    assert!(hybrid.contains("estimate: (stop_at: 1.0)") && !hybrid.contains("bounding_radius"), "{hybrid}");
 }
 
 #[test]
@@ -299,23 +374,18 @@ fn exported_shaders_compile() {
             accepts("spirv-val", &["out.spv"], folder);
         }
         let functions = text("glsl");
-        let essl = "#version 300 es\nprecision highp float;\nprecision highp int;\n";
         let main = "in vec3 p;\nout vec4 o;\nvoid main() { o = vec4(distance_estimate(p)); }\n";
-        std::fs::write(folder.join("glsl.frag"), format!("{essl}{functions}{main}")).unwrap();
+        std::fs::write(folder.join("glsl.frag"), format!("{ESSL}{functions}{main}")).unwrap();
         let toy = "uniform vec3 iResolution;\nout vec4 o;\n";
         let toy_main = "void main() { mainImage(o, gl_FragCoord.xy); }\n";
-        std::fs::write(folder.join("toy.frag"), format!("{essl}{toy}{}{toy_main}", text("shadertoy"))).unwrap();
+        std::fs::write(folder.join("toy.frag"), format!("{ESSL}{toy}{}{toy_main}", text("shadertoy"))).unwrap();
         // What Fragmentarium does with its own lines: includes are put in place, presets and groups taken out.
         let shader = text("fragmentarium");
         assert!(shader.contains("#include \"DE-Raytracer.frag\"") && shader.contains("#endpreset"));
-        let code: Vec<&str> =
-            shader[..shader.find("#preset").unwrap()].lines().filter(|line| !line.starts_with('#')).collect();
+        let code = without_fragmentarium(&shader);
         let main = "in vec3 p;\nout vec4 o;\nvoid main() { o = vec4(DE(p)); }\n";
-        std::fs::write(
-            folder.join("fragmentarium.frag"),
-            format!("#version 330 compatibility\n{}\n{main}", code.join("\n")),
-        )
-        .unwrap();
+        std::fs::write(folder.join("fragmentarium.frag"), format!("#version 330 compatibility\n{code}\n{main}"))
+            .unwrap();
         if glslang {
             ["glsl.frag", "toy.frag", "fragmentarium.frag"]
                 .iter()
@@ -347,6 +417,15 @@ fn estimates_that_need_rays_are_refused() {
     let output = bulbfold(folder.path(), &["export", "mandelbulb", "--to", "spirv"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("write `-o NAME.spv`"), "{}", stderr(&output));
+}
+
+/// The first part of a shader for WebGL 2.
+const ESSL: &str = "#version 300 es\nprecision highp float;\nprecision highp int;\n";
+
+/// A shader for Fragmentarium without the lines that are its own: includes, groups, presets.
+fn without_fragmentarium(shader: &str) -> String {
+    let code = &shader[..shader.find("#preset").unwrap()];
+    code.lines().filter(|line| !line.starts_with('#')).map(|line| format!("{line}\n")).collect()
 }
 
 /// The function that a file exports gives the library's own estimates: it is run as WGSL on the GPU back end.

@@ -1,9 +1,9 @@
 //! Mandelbulber 2's settings files (`.fract`).
 
 use super::ask::Ask;
-use super::objects::{joined, limited, placed, with_primitives};
+use super::objects::{has_primitives, joined, limited, placed, with_primitives};
 use super::sequence::{Mode, Slot, schedule, turns};
-use super::settings::{Section, Settings};
+use super::settings::{Section, Settings, version};
 use super::table::{Row, Table};
 use super::text::{GraphText, as_name};
 use super::value::written;
@@ -59,11 +59,6 @@ pub fn import(sources: &Sources, id: SourceId, name: &str, d: &mut Diagnostics) 
     (!d.has_errors()).then(|| Imported { text: graph.write(), lost })
 }
 
-/// The version that the file says it was written by.
-fn version(text: &str) -> &str {
-    text.lines().find_map(|line| line.strip_prefix("# version ")).unwrap_or("2").trim()
-}
-
 /// A file while it is being read.
 struct Reading<'a> {
     main: Section,
@@ -88,7 +83,8 @@ impl Reading<'_> {
             graph.params.extend(params.map(|(name, value)| (name.clone(), *value, format!("{of}: {}", spoken(name)))));
             graph.nodes.push((slot.name.clone(), slot.node()));
         }
-        let (node, has_plane) = self.field(&slots, mode, is_mirrored, &mut graph);
+        let estimate = self.estimate(&slots, mode);
+        let (node, has_no_end) = self.field(&slots, (mode, &estimate), is_mirrored, &mut graph);
         graph.output = match node.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')) {
             Some(wire) if !wire.contains('"') => wire.to_string(),
             _ => {
@@ -96,13 +92,13 @@ impl Reading<'_> {
                 "scene".into()
             }
         };
-        if has_plane {
-            let far = self.main.number("view_distance_max", 50.0, self.d).clamp(1.0, 1e5);
+        let far = self.main.number("view_distance_max", 50.0, self.d).clamp(1.0, 1e5);
+        if has_no_end {
             graph.settings.push(format!("bounding_radius: {}", written(far)));
-        } else {
-            self.main.number("view_distance_max", 50.0, self.d);
+        } else if let Some(radius) = self.reach(&slots, mode) {
+            graph.settings.push(format!("bounding_radius: {}", written(radius)));
         }
-        self.estimate(&mut graph);
+        graph.settings.push(format!("estimate: ({estimate})"));
         let camera = view::camera(&self.main, is_mirrored, self.d);
         graph.look = view::look(&self.main, &camera, is_mirrored, self.d);
         graph.camera = Some(camera);
@@ -177,7 +173,13 @@ impl Reading<'_> {
     }
 
     /// The node of everything that is drawn, and whether it has no end. What orbits share goes to the file's settings.
-    fn field(&mut self, slots: &[Slot], mode: Mode, is_mirrored: bool, graph: &mut GraphText) -> (String, bool) {
+    fn field(
+        &mut self,
+        slots: &[Slot],
+        (mode, estimate): (Mode, &str),
+        is_mirrored: bool,
+        graph: &mut GraphText,
+    ) -> (String, bool) {
         let pre = is_mirrored
             .then(|| "pre: [linear(matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])]".to_string());
         graph.settings.extend(pre.clone());
@@ -187,7 +189,7 @@ impl Reading<'_> {
             Mode::Boolean => {
                 let nodes: Vec<(usize, String)> = slots
                     .iter()
-                    .map(|slot| (slot.number, self.object(slot, limit, pre.as_deref(), is_mirrored)))
+                    .map(|slot| (slot.number, self.object(slot, (limit, estimate), pre.as_deref(), is_mirrored)))
                     .collect();
                 joined(&nodes, &self.main, self.d)
             }
@@ -201,8 +203,8 @@ impl Reading<'_> {
         let position = self.main.vector("fractal_position", [0.0; 3], self.d);
         let degrees = self.main.vector("fractal_rotation", [0.0; 3], self.d);
         let node = placed(&node, position, degrees, 1.0, is_mirrored);
-        let (node, has_plane) = with_primitives(node, &self.main, is_mirrored, &mut self.lost, self.d);
-        (limited(node, &self.main, is_mirrored, self.d), has_plane)
+        let (node, has_no_end) = with_primitives(node, &self.main, is_mirrored, &mut self.lost, self.d);
+        (limited(node, &self.main, is_mirrored, self.d), has_no_end)
     }
 
     /// The loop of one formula or of several in turn.
@@ -234,12 +236,12 @@ impl Reading<'_> {
     }
 
     /// A formula that is an object of its own.
-    fn object(&mut self, slot: &Slot, limit: f64, pre: Option<&str>, is_mirrored: bool) -> String {
+    fn object(&mut self, slot: &Slot, (limit, estimate): (f64, &str), pre: Option<&str>, is_mirrored: bool) -> String {
         let of = |name: &str| format!("{name}_{}", slot.number);
         let radius = self.bailout(slot.expanded.bailout);
         let pre = pre.map(|pre| format!(", {pre}")).unwrap_or_default();
         let orbit = format!(
-            "Orbit(of: \"{}\", constant: {}, max_iterations: {limit}, escape_radius: {}{pre})",
+            "Orbit(of: \"{}\", constant: {}, max_iterations: {limit}, escape_radius: {}, estimate: ({estimate}){pre})",
             slot.name,
             slot.constant,
             written(radius)
@@ -256,15 +258,28 @@ impl Reading<'_> {
         if self.main.switch("use_default_bailout", true, self.d) { default } else { given.clamp(1e-3, 1e6) }
     }
 
-    /// Rays stop where the estimate is below a pixel, as the program's do.
-    fn estimate(&mut self, graph: &mut GraphText) {
+    /// The fields of the estimate: rays stop where it is below a pixel, as the program's do, and it is the running
+    /// derivative's, as there, where all steps have a rule for that and there is no hybrid, for which it takes differences.
+    fn estimate(&mut self, slots: &[Slot], mode: Mode) -> String {
         let detail = self.main.number("detail_level", 1.0, self.d).max(1e-2);
         let mut fields = format!("stop_at: {}", written((1.0 / detail).clamp(1e-3, 100.0)));
+        if mode != Mode::Hybrid && slots.iter().all(|slot| !slot.row.differences) {
+            fields.insert_str(0, "method: \"scalar\", ");
+        }
         let factor = self.main.number("DE_factor", 1.0, self.d).clamp(1e-3, 1.0);
         if factor < 1.0 {
             fields.push_str(&format!(", fudge: {}", written(factor)));
         }
-        graph.settings.push(format!("estimate: ({fields})"));
+        fields
+    }
+
+    /// Radius of a ball around everything, where the formulas are known to hold it. Measuring would not see hairs that are
+    /// thinner than any number, which rays that stop at an estimate show.
+    fn reach(&mut self, slots: &[Slot], mode: Mode) -> Option<f64> {
+        let others = ["fractal_position", "fractal_rotation"].iter().any(|name| self.main.has(name));
+        let is_alone = mode != Mode::Boolean && !others && !has_primitives(&self.main);
+        let of = |slot: &Slot| slot.expanded.reach.filter(|_| slot.constant == "Mandelbrot" && is_alone);
+        slots.iter().map(of).try_fold(0.0, |most: f64, radius| Some(most.max(radius?)))
     }
 
     /// Lines of a used slot that its row has not asked for.

@@ -52,7 +52,15 @@ fn join(a: &str, b: &str, operator: f64) -> String {
     }
 }
 
-/// Joins the primitives of the settings to `node`; says whether there is a plane, which has no end.
+/// Half the length of a cylinder without ends.
+const ENDLESS: f64 = 1e4;
+
+/// Whether the settings switch a primitive on.
+pub fn has_primitives(main: &Section) -> bool {
+    primitives(main).iter().any(|prefix| main.has(&format!("{prefix}_enabled")))
+}
+
+/// Joins the primitives of the settings to `node`; says whether one of them has no end: a plane, or an open cylinder.
 pub fn with_primitives(
     mut node: String,
     main: &Section,
@@ -60,7 +68,7 @@ pub fn with_primitives(
     lost: &mut Vec<Lost>,
     d: &mut Diagnostics,
 ) -> (String, bool) {
-    let mut has_plane = false;
+    let mut has_no_end = false;
     let mut shapes: Vec<(String, f64)> = Vec::new();
     for prefix in primitives(main) {
         let of = |name: &str| format!("{prefix}_{name}");
@@ -73,11 +81,11 @@ pub fn with_primitives(
             lost.push(Lost {
                 kind: LostKind::Shape,
                 what,
-                why: "primitives here are solid planes, boxes, spheres, cylinders with caps and tori".into(),
+                why: "primitives here are solid planes, boxes, spheres, cylinders and tori".into(),
             });
             continue;
         };
-        has_plane |= kind == "plane";
+        has_no_end |= kind == "plane" || is_open(kind, &of, main, d);
         let position = main.vector(&of("position"), [0.0; 3], d);
         let degrees = main.vector(&of("rotation"), [0.0; 3], d);
         let operator = main.number(&of("boolean_operator"), 1.0, d);
@@ -86,7 +94,7 @@ pub fn with_primitives(
     for (shape, operator) in shapes {
         node = join(&node, &shape, operator);
     }
-    (node, has_plane)
+    (node, has_no_end)
 }
 
 /// Names of all primitives of the settings, such as `primitive_box_1`, in the order of the file.
@@ -106,6 +114,11 @@ fn primitives(main: &Section) -> Vec<String> {
     names
 }
 
+/// Whether a primitive is a cylinder without caps, which the program draws without ends.
+fn is_open(kind: &str, of: &dyn Fn(&str) -> String, main: &Section, d: &mut Diagnostics) -> bool {
+    kind == "cylinder" && !main.switch(&of("caps"), true, d)
+}
+
 fn shape(
     kind: &str,
     of: &dyn Fn(&str) -> String,
@@ -114,8 +127,7 @@ fn shape(
     d: &mut Diagnostics,
 ) -> Option<String> {
     let is_hollow = kind != "sphere" && main.switch(&of("empty"), false, d);
-    let is_open = kind == "cylinder" && !main.switch(&of("caps"), true, d);
-    if !PRIMITIVES.contains(&kind) || is_hollow || is_open {
+    if !PRIMITIVES.contains(&kind) || is_hollow {
         return None;
     }
     Some(match kind {
@@ -130,7 +142,8 @@ fn shape(
         }
         "cylinder" => {
             let radius = main.number(&of("radius"), 0.5, d);
-            let half_height = 0.5 * main.number(&of("height"), 1.0, d);
+            let height = 0.5 * main.number(&of("height"), 1.0, d);
+            let half_height = if is_open(kind, of, main, d) { ENDLESS } else { height };
             format!("Cylinder(radius: {}, half_height: {})", written(radius), written(half_height))
         }
         _ => {

@@ -10,6 +10,9 @@ use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
 /// First words of a settings file.
 const TITLE: &str = "Mandelbulber settings file";
 
+/// The first version whose kaleidoscopic IFS turns only where `IFS_rotation_enabled` says so (found by trying 2.02 to 2.20).
+const FIRST_ROTATION_SWITCH: f64 = 2.07;
+
 /// One line.
 #[derive(Clone, Debug)]
 pub struct Entry {
@@ -72,6 +75,9 @@ impl Settings {
                 Err(diagnostic) => d.push(diagnostic),
             }
         }
+        if version(sources.text(id)).parse::<f64>().is_ok_and(|version| version < FIRST_ROTATION_SWITCH) {
+            settings.sections.iter_mut().for_each(Section::switch_rotation_on);
+        }
         Some(settings)
     }
 
@@ -81,7 +87,24 @@ impl Settings {
     }
 }
 
+/// The version that the file says it was written by.
+pub fn version(text: &str) -> &str {
+    text.lines().find_map(|line| line.strip_prefix("# version ")).unwrap_or("2").trim()
+}
+
 impl Section {
+    /// What the program does with files of the time when a kaleidoscopic IFS had no switch for its rotation.
+    fn switch_rotation_on(&mut self) {
+        let switch = "IFS_rotation_enabled";
+        if let Some(rotation) = self.entries.iter().find(|entry| entry.name == "IFS_rotation")
+            && !self.has(switch)
+        {
+            self.entries.push(Entry { name: switch.into(), value: "true".into(), span: rotation.span });
+            // The file does not say it, so nobody needs to hear that it is not read.
+            self.asked.borrow_mut().insert(switch.into());
+        }
+    }
+
     /// Whether the file gives a setting.
     pub fn has(&self, name: &str) -> bool {
         self.entries.iter().any(|entry| entry.name == name)

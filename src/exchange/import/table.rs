@@ -62,6 +62,14 @@ pub struct Row {
     /// Where the map is not the program's: a condition, and what is not the same.
     #[serde(default)]
     pub caveats: Vec<(String, String)>,
+    /// An expression of the settings for the radius of a ball around the origin that holds the set where each iteration adds
+    /// the point; empty, or 0, where that is not known.
+    #[serde(default)]
+    pub reach: String,
+    /// Whether the program's running derivative is not that of our scalar rules: it takes finite differences, a step has no
+    /// rule, or ours is a bound.
+    #[serde(default)]
+    pub differences: bool,
     /// Settings (or beginnings of their names, with a `*` behind) that the program's formula reads and the map does not.
     #[serde(default)]
     pub ignores: Vec<String>,
@@ -109,6 +117,8 @@ pub struct Expanded {
     pub bailout: f64,
     /// Iteration limit, where the row has one.
     pub iterations: Option<f64>,
+    /// Radius of a ball around the set, where the row knows one.
+    pub reach: Option<f64>,
 }
 
 impl Table {
@@ -141,7 +151,8 @@ impl Table {
         let params = row.params.iter().map(|(name, from)| (format!("{name}{suffix}"), filler.number(from))).collect();
         let bailout = filler.number(&row.bailout);
         let iterations = (!row.iterations.is_empty()).then(|| filler.number(&row.iterations));
-        Expanded { steps, params, caveats, bailout, iterations }
+        let reach = (!row.reach.is_empty()).then(|| filler.number(&row.reach)).filter(|radius| *radius > 0.0);
+        Expanded { steps, params, caveats, bailout, iterations, reach }
     }
 
     fn default_of(&self, name: &str) -> Value {
@@ -169,6 +180,7 @@ impl Row {
         self.params.iter().for_each(|(_, from)| add(from));
         add(&self.bailout);
         add(&self.iterations);
+        add(&self.reach);
         names
     }
 

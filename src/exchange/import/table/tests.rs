@@ -50,6 +50,20 @@ fn every_row_loads_with_nothing_and_with_everything() {
     }
 }
 
+/// What rows say of the running derivative is so: all steps of the others have a rule for it.
+#[test]
+fn rows_without_differences_have_scalar_rules() {
+    for row in Table::mandelbulber().formulas.iter().filter(|row| !row.differences) {
+        let (mut library, mut d) = (Library::builtin(), Diagnostics::default());
+        let text = graph(&Table::mandelbulber(), row, true);
+        load_text(&mut library, "row.ron", &text, &[], &mut d).unwrap();
+        let words = text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+        for step in words.filter_map(|word| library.step(word)) {
+            assert!(step.scalar_rule.is_some(), "{}: {}", row.name, step.name);
+        }
+    }
+}
+
 #[test]
 fn every_default_is_read_by_a_row() {
     for table in [Table::mandelbulber(), Table::fragmentarium()] {
