@@ -340,6 +340,27 @@ fn the_command_prints_a_table_and_json_lines() {
 }
 
 #[test]
+fn one_formula_fails_where_it_breaks_the_budget() {
+    let run = |more: &[&str]| {
+        bulbfold(
+            &[&["truth", "menger", "--rays", "60", "--size", "160x120", "--de", "scalar", "--fudge", "1"], more]
+                .concat(),
+        )
+    };
+    for more in [&["--error-budget", "0.5%,5%,0.000001"][..], &["--error-budget", "0.5%,5%,0.000001", "--json"]] {
+        let output = run(more);
+        assert_eq!(output.status.code(), Some(1));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(said.contains("menger: a median depth error") && said.contains("bulbfold calibrate"), "{said}");
+        assert!(!output.stdout.is_empty(), "what was measured is told all the same");
+    }
+    // A view of nothing.
+    let output = run(&["--set", "camera=(position: (9, 9, 9), target: (10, 10, 10))"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("no ray of the view hits anything"));
+}
+
+#[test]
 fn the_command_takes_rays_from_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("rays.csv");

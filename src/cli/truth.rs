@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use bulbfold::calibrate::Budget;
 use bulbfold::check::exact::Limit;
 use bulbfold::check::truth::{End, Judgement, Ray, Scale, Truth, Truths, candidate, march_rays, view_rays};
 use bulbfold::compose::{Composer, Plan};
@@ -43,8 +44,8 @@ Rays are walked in f64 by steps of a quarter of a pixel and less, testing member
 are marched with the estimate, and both answers are compared. A hit counts as missed where the march
 passes it, a stop as early where it is in front of the truth by more than 0.5 % of the bounding radius.
 
-Several formulas, or --markdown, give a table with a line for each; the exit code is 1 where one of them
-breaks the error budget.")]
+Several formulas, or --markdown, give a table with a line for each. The exit code is 1 where one of them
+breaks the error budget, or where no ray of a view hits anything.")]
 pub struct Arguments {
     /// Formula files (.ron), folders of them, graph scripts (.rhai) or names of built-in fractals
     #[arg(required = true, value_name = "FILE")]
@@ -87,8 +88,12 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     }
     let measured = measure(arguments, session, &files[0])?;
     match arguments.json {
-        true => measured.json(out),
-        false => measured.text(out),
+        true => measured.json(out)?,
+        false => measured.text(out)?,
+    }
+    match measured.complaint(&arguments.estimate.error_budget) {
+        None => Ok(()),
+        Some(why) => Err(truth_table::broken(&format!("{}: {why}", files[0]))),
     }
 }
 
@@ -128,7 +133,8 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &str) 
     let march = candidate(&composer, &plan.choices, &settings).map_err(|error| session.failure(error))?;
     let mut job = MarchJob { arena: &arena, march: &march, rays: &truths.rays, radius: scale.bounding_radius };
     let (backend, ends) = run_job(session, arguments.backend, precision, &mut job)?;
-    Ok(Measured { graph, plan, truths, ends, backend, time })
+    let is_view = arguments.rays_file.is_none();
+    Ok(Measured { graph, plan, truths, ends, backend, time, is_view })
 }
 
 fn read_rays(path: &std::path::Path) -> Result<Vec<Ray>, Failure> {
@@ -179,9 +185,17 @@ pub(super) struct Measured {
     ends: Vec<End>,
     backend: String,
     time: Duration,
+    /// Whether the rays are those of a view, and not of a file.
+    is_view: bool,
 }
 
 impl Measured {
+    /// What is out of the budget. A view without hits says nothing of misses, so it keeps none; rays of a file are as they are.
+    pub(super) fn complaint(&self, budget: &Budget) -> Option<String> {
+        let judged = self.judged();
+        truth_table::complaint(&judged, budget).filter(|_| self.is_view || judged.hits > 0)
+    }
+
     /// How the march compares with the truth.
     pub(super) fn judged(&self) -> Judgement {
         self.truths.judge(&self.ends)

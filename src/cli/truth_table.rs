@@ -21,13 +21,11 @@ pub fn run(arguments: &Arguments, files: &[String], session: &mut Session, out: 
     for file in files {
         match measure(arguments, session, file) {
             Ok(measured) => {
-                let judged = measured.judged();
-                if let Some(why) = complaint(&judged, &budget) {
-                    wrong.push(format!("{file}: {why}"));
-                }
+                let why = measured.complaint(&budget);
+                wrong.extend(why.iter().map(|why| format!("{file}: {why}")));
                 match arguments.json {
                     true => measured.summary(out)?,
-                    false => rows.push(row(file, &measured, &judged, &budget)),
+                    false => rows.push(row(file, &measured, why.is_none())),
                 }
             }
             Err(Failure::Usage(text) | Failure::Work(text)) => wrong.push(format!("{file}: {}", text.trim_end())),
@@ -43,14 +41,17 @@ pub fn run(arguments: &Arguments, files: &[String], session: &mut Session, out: 
     }
     match wrong.is_empty() {
         true => Ok(()),
-        false => Err(Failure::Work(message(
-            &wrong.join("\n"),
-            "`bulbfold calibrate FILE --write` measures an estimate anew",
-        ))),
+        false => Err(broken(&wrong.join("\n"))),
     }
 }
 
-fn row(file: &str, measured: &Measured, judged: &Judgement, budget: &Budget) -> Vec<String> {
+/// The failure of formulas that break the budget; `wrong` says which, and how.
+pub(super) fn broken(wrong: &str) -> Failure {
+    Failure::Work(message(wrong, "`bulbfold calibrate FILE --write` measures an estimate anew"))
+}
+
+fn row(file: &str, measured: &Measured, is_kept: bool) -> Vec<String> {
+    let judged = measured.judged();
     let name = Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let percent = |share: f64| format!("{:.2}", 100.0 * share);
     vec![
@@ -63,12 +64,12 @@ fn row(file: &str, measured: &Measured, judged: &Judgement, budget: &Budget) -> 
         percent(judged.early),
         format!("{:.3}", judged.median_error),
         judged.ambiguous.to_string(),
-        if complaint(judged, budget).is_none() { "kept" } else { "broken" }.to_string(),
+        if is_kept { "kept" } else { "broken" }.to_string(),
     ]
 }
 
 /// What is out of the budget. A view without hits says nothing of misses, so it keeps none.
-fn complaint(judged: &Judgement, budget: &Budget) -> Option<String> {
+pub(super) fn complaint(judged: &Judgement, budget: &Budget) -> Option<String> {
     if judged.hits == 0 {
         return Some("no ray of the view hits anything".into());
     }
