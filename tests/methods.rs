@@ -425,3 +425,51 @@ fn largest_singular_values_are_exact_to_rounding() {
         }
     }
 }
+
+/// Proofs need a march of their own: one orbit that they do not apply to takes them from all, and else one takes all.
+#[test]
+fn none_is_certified_where_one_orbit_cannot_be() {
+    let field = |other: &str| {
+        let text = format!(
+            r#"(nodes: {{
+                "box": Sequence([box_fold(), sphere_fold(), scale(scale: 2.0)]),
+                "other": {other},
+                "a": Orbit(of: "box", escape_radius: 100.0, max_iterations: 8, estimate: (method: "certified")),
+                "b": Orbit(of: "other", constant: Julia((-0.2, 0.6, 0.2)), escape_radius: 10.0, max_iterations: 8),
+                "both": Union(["a", "b"]),
+            }}, output: "both", bounding_radius: 7.0)"#
+        );
+        Formula::from_ron(&text).unwrap()
+    };
+    let remembers = field("manowar()");
+    assert_eq!(remembers.plan().choices.len(), 2);
+    assert!(remembers.plan().choices.iter().all(|choice| !choice.method.is_certified()));
+    let warning = "no orbit is certified: the method does not apply to `other`";
+    assert!(remembers.plan().warnings.iter().any(|found| found == warning), "{:?}", remembers.plan().warnings);
+    let plain = field("quaternion_square()");
+    assert!(plain.plan().choices.iter().all(|choice| choice.method == Method::Certified));
+    assert!(plain.plan().warnings.is_empty(), "{:?}", plain.plan().warnings);
+}
+
+#[test]
+fn steps_that_read_a_constant_which_is_off_are_told() {
+    let warnings = |nodes: &str, constant: &str| {
+        let text =
+            format!("(nodes: {{\n \"map\": {nodes} }},\n output: \"map\", constant: {constant}, max_iterations: 4)");
+        Formula::from_ron(&text).unwrap().plan().warnings.clone()
+    };
+    let found = warnings("barnsley()", "Off");
+    assert_eq!(found.len(), 1);
+    assert!(found[0].starts_with("formula.ron:2:9: the node `map` reads the constant `c`"), "{found:?}");
+    assert!(found[0].contains("write `constant: Mandelbrot`"), "{found:?}");
+    // In two places, and once with parameters that make nothing of it.
+    assert_eq!(warnings(r#"Sequence([barnsley(), Repeat(of: bicomplex_map(map: magnet), times: 2)])"#, "Off").len(), 2);
+    assert!(warnings("bicomplex_map(map: newton)", "Off").is_empty());
+    assert!(warnings("barnsley()", "Mandelbrot").is_empty() && warnings("barnsley()", "Julia((0.5, 0, 1))").is_empty());
+    // An item has a constant of its own.
+    assert_eq!(
+        warnings(r#"Alternate([(Item(of: barnsley(), constant: Off), 1), (quaternion_square(), 1)])"#, "Mandelbrot")
+            .len(),
+        1
+    );
+}

@@ -104,7 +104,7 @@ impl Plan {
 /// Makes the choices. `wanted` overrides what files fix.
 pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<Plan> {
     let orbits = field_orbits(composer);
-    let mut warnings = Vec::new();
+    let mut warnings = super::unread::warnings(composer, &orbits)?;
     let mut choices = Vec::new();
     for orbit in &orbits {
         let settings = wanted.or(orbit.settings.estimate);

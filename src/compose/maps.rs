@@ -1,9 +1,11 @@
 //! Maps applied to a state, and what their steps remember of the time before.
 
+use std::rc::Rc;
+
 use rhai::Map;
 
 use super::{ComposeResult, Composer};
-use crate::expr::{Arena, Expr};
+use crate::expr::{Arena, Expr, Function, Type};
 use crate::formula::script::base_scope;
 use crate::formula::step::{ParamKind, ScalarRule, Step, StepInputs, Traced, script_expr, script_value};
 use crate::formula::symbolic::to_dynamic;
@@ -74,7 +76,7 @@ impl<'g> Memory<'g> {
     /// Where `holds` is false, what the other branch left.
     fn choose(&mut self, holds: Expr<'g>, other: &Memory<'g>) {
         for ((_, value), otherwise) in self.0.iter_mut().zip(other.values()) {
-            if value.z.id != otherwise.z.id {
+            if value.z.id != otherwise.z.id || value.dr.map(|dr| dr.id) != otherwise.dr.map(|dr| dr.id) {
                 *value = chosen(holds, *value, otherwise);
             }
         }
@@ -187,8 +189,25 @@ fn apply_step<'a>(
     Ok(moved)
 }
 
+/// Whether the map of a step node depends on the constant, with the parameters that it has. `width` is the state's.
+pub(super) fn reads_constant(composer: &Composer, node: NodeRef, width: u8) -> ComposeResult<bool> {
+    // Other arenas would number their nodes otherwise.
+    let arena = Rc::new(Arena::default());
+    let composer = Composer { arena: &arena, library: composer.library, graph: composer.graph };
+    let ty = if width == 4 { Type::V4 } else { Type::V3 };
+    let input = Moved { z: arena.input(0, ty), dr: None };
+    let c = arena.input(1, ty);
+    let mut memory = Memory::nothing(&composer, node, input);
+    let moved = apply_step(&composer, node, input, c, arena.input(2, Type::F), &mut memory)?;
+    let mut function = Function::new("read", Vec::new());
+    function.output("z", moved.z);
+    Ok(function.nodes(&arena).contains(&c.id))
+}
+
 /// A step's parameters as its script sees them.
 pub(super) fn param_map<'a>(composer: &Composer<'a>, step: &Step, params: &[ParamInput], n: Expr<'a>) -> Map {
+    // Expressions of the iteration number are traced, too, and before the step is.
+    composer.library.engine.tracer.start(composer.arena, &composer.library.sources, step.text);
     let mut map = Map::new();
     for (param, value) in step.params.iter().zip(params) {
         map.insert(param.name.as_str().into(), param_value(composer, &param.kind, value, n));

@@ -16,6 +16,7 @@ pub mod norm;
 mod orbit;
 mod parts;
 pub mod placement;
+mod unread;
 mod unrolled;
 mod value;
 
