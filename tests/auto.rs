@@ -6,7 +6,7 @@
 
 mod sampled;
 
-use bulbfold::calibrate::{Calibration, Options, Origin, calibrate};
+use bulbfold::calibrate::{Calibration, Options, Origin, calibrate, written};
 use bulbfold::check::truth::{Judgement, Scale, Truths, candidate, ends, ray_columns, view_rays};
 use bulbfold::check::{Backends, Formula, Target};
 use bulbfold::graph::EstimateSettings;
@@ -289,4 +289,29 @@ fn files_that_call_themselves_calibrated_are_tested() {
     let calibration = calibrated(&formula, &options(&formula));
     assert_eq!((calibration.origin, calibration.evidence.len()), (Origin::File, 0));
     assert_eq!((calibration.plan.fudge, calibration.plan.least_step), (1.0, 0.0625));
+}
+
+/// A file's choice is for pixels as large as those that were measured, or half as large, but not for finer ones.
+#[test]
+fn a_calibrated_choice_holds_for_pixels_of_its_size() {
+    let origin = |calibrated: &str, height: u32| {
+        let estimate = format!("(method: \"certified-ball\", fudge: 1, least_step: 0.0625, calibrated: {calibrated})");
+        let formula = Formula::with("menger", &[("estimate", &estimate)]).unwrap();
+        let size = Size { width: height * 4 / 3, height };
+        let calibration = calibrated_at(&formula, size);
+        assert_eq!(calibration.rows, height);
+        // What is measured anew is free to choose, and files would say for which picture.
+        if calibration.origin == Origin::Measured {
+            assert!(calibration.plan.choices.iter().all(|choice| choice.reason.starts_with("measured")));
+        }
+        calibration.origin
+    };
+    assert_eq!(["true", "240"].map(|rows| origin(rows, 240)), [Origin::File; 2]);
+    assert_eq!([origin("true", 1440), origin("240", 480)], [Origin::File; 2]);
+    assert_eq!([origin("true", 1446), origin("240", 486)], [Origin::Measured; 2]);
+    assert_eq!(["720", "2160"].map(|rows| written::calibrated(rows.parse().unwrap())), ["true", "2160"]);
+}
+
+fn calibrated_at(formula: &Formula, size: Size) -> Calibration {
+    calibrated(formula, &Options { size, ..options(formula) })
 }

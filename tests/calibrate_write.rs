@@ -39,14 +39,19 @@ fn the_choice_is_written_and_nothing_else_changes() {
     let sponge = std::fs::read_to_string(path("sponge.ron")).unwrap();
     let (added, rest): (Vec<&str>, Vec<&str>) = sponge.lines().partition(|line| line.contains("estimate:"));
     assert_eq!(rest.join("\n") + "\n", MENGER);
-    assert!(added[0].starts_with("    estimate: (method: \"") && added[0].ends_with("calibrated: true),"), "{added:?}");
+    assert!(added[0].starts_with("    estimate: (method: \"") && added[0].ends_with("calibrated: 240),"), "{added:?}");
     // In a scene the orbit carries it.
     let scene = Formula::open(path("scene.ron")).unwrap();
     let orbit = scene.graph().nodes.iter().find_map(|node| match &node.kind {
         NodeKind::Orbit { settings, .. } => Some(settings.estimate),
         _ => None,
     });
-    assert!(orbit.is_some_and(|e| e.calibrated && e.method.is_some() && e.fudge.is_some() && e.least_step.is_some()));
+    assert!(
+        orbit.is_some_and(|e| e.calibrated.is_some()
+            && e.method.is_some()
+            && e.fudge.is_some()
+            && e.least_step.is_some())
+    );
     for name in ["sponge.ron", "scene.ron"] {
         Formula::open(path(name)).unwrap().assert_tests();
     }

@@ -81,7 +81,7 @@ pub struct Entry {
 }
 
 impl Entry {
-    pub(super) fn into_calibration(self, space: &Space, start: Instant) -> Calibration {
+    pub(super) fn into_calibration(self, space: &Space, rows: u32, start: Instant) -> Calibration {
         let mut plan = space.plan(&self.chosen);
         plan.choices.iter_mut().for_each(|choice| choice.reason.clone_from(&self.reason));
         Calibration {
@@ -89,6 +89,7 @@ impl Entry {
             plan,
             origin: Origin::Cached,
             is_within: self.is_within,
+            rows,
             evidence: self.evidence,
             rays: self.rays,
             warnings: self.warnings,

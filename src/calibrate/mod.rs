@@ -30,9 +30,9 @@ pub use candidate::{Candidate, FUDGES, LEAST_STEPS, Space};
 pub use crate::check::truth::Budget;
 use crate::check::truth::{Scale, Truths, view_rays};
 use crate::check::{Subject, Target};
-use crate::compose::Plan;
+use crate::compose::{Plan, choose, field_orbits};
 use crate::diag::Diagnostic;
-use crate::graph::{Camera, EstimateSettings};
+use crate::graph::{CALIBRATED_ROWS, Camera, EstimateSettings};
 use crate::shade::{Size, frame_automatically};
 use race::{Race, time_of_render};
 
@@ -160,6 +160,8 @@ pub struct Calibration {
     pub origin: Origin,
     /// Whether it keeps the budget.
     pub is_within: bool,
+    /// Rows of the picture that it is for.
+    pub rows: u32,
     /// Candidates in the order in which they were tried; empty where nothing was measured.
     pub evidence: Vec<Row>,
     /// Rays with a settled truth, and those of them that hit.
@@ -173,7 +175,7 @@ pub struct Calibration {
 impl Calibration {
     /// The rules' choice, where measuring is switched off.
     pub fn by_rule(subject: &Subject) -> Calibration {
-        without_measuring(subject, Origin::Rules, Instant::now())
+        without_measuring(subject, Origin::Rules, CALIBRATED_ROWS, Instant::now())
     }
 }
 
@@ -184,11 +186,20 @@ pub fn calibrate(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Calibration, Diagnostic> {
     let start = Instant::now();
+    let estimates: Vec<EstimateSettings> =
+        field_orbits(&subject.composer()).into_iter().map(|orbit| orbit.settings.estimate).collect();
+    if estimates.iter().any(|estimate| estimate.is_too_coarse_for(options.size.height)) {
+        // The file's choice is for coarser pixels: it is measured as if the file carried none.
+        let graph = subject.graph.without_calibration();
+        let (library, arena) = (subject.library, subject.arena);
+        let mut finer = Subject { library, graph: &graph, arena, plan: subject.plan.clone() };
+        finer.plan = choose(&finer.composer(), &options.wanted)?;
+        return calibrate(&finer, options, progress);
+    }
     let space = Space::new(subject, &options.wanted);
     // Rays that stop in front of the set cannot be measured by how far they are from it.
     let is_soft = subject.plan.stop_at.is_some();
-    let is_calibrated =
-        crate::compose::field_orbits(&subject.composer()).iter().any(|o| o.settings.estimate.calibrated);
+    let is_calibrated = estimates.iter().any(|estimate| estimate.calibrated.is_some());
     if is_calibrated || is_soft || space.is_decided() {
         let origin = if is_calibrated {
             Origin::File
@@ -197,12 +208,12 @@ pub fn calibrate(
         } else {
             Origin::Fixed
         };
-        return Ok(without_measuring(subject, origin, start));
+        return Ok(without_measuring(subject, origin, options.size.height, start));
     }
     let key = options.cache.as_ref().map(|_| cache::key(subject, options)).transpose()?;
     let entry = options.cache.as_ref().zip(key).map(|(folder, key)| folder.join(key));
     if let Some(found) = entry.as_ref().and_then(|path| cache::read(path)) {
-        return Ok(found.into_calibration(&space, start));
+        return Ok(found.into_calibration(&space, options.size.height, start));
     }
     let mut calibration = measure(subject, options, &space, start, progress)?;
     if let Some(path) = entry
@@ -214,12 +225,13 @@ pub fn calibrate(
     Ok(calibration)
 }
 
-fn without_measuring(subject: &Subject, origin: Origin, start: Instant) -> Calibration {
+fn without_measuring(subject: &Subject, origin: Origin, rows: u32, start: Instant) -> Calibration {
     Calibration {
         chosen: EstimateSettings::default(),
         plan: subject.plan.clone(),
         origin,
         is_within: true,
+        rows,
         evidence: Vec::new(),
         rays: [0, 0],
         warnings: Vec::new(),
@@ -259,6 +271,7 @@ fn measure(
         plan,
         origin: Origin::Measured,
         is_within,
+        rows: options.size.height,
         evidence,
         rays: [hits + misses, hits],
         warnings,

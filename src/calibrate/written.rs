@@ -10,7 +10,7 @@ use crate::diag::{Diagnostics, SourceId};
 use crate::formula::edit::{Edits, find};
 use crate::formula::ron::{Limits, read_ron};
 use crate::formula::value::Value;
-use crate::graph::{Method, NodeRef};
+use crate::graph::{CALIBRATED_ROWS, Method, NodeRef};
 
 /// Fields that a calibration decides anew. A form stays what it is: it may be part of the set's definition.
 const OUTCOME: [&str; 4] = ["method", "fudge", "least_step", "calibrated"];
@@ -20,7 +20,8 @@ const BEFORE: [&str; 9] =
 
 /// The text of a subject's file without the outcome of an earlier calibration, for another one. `None` where it has none.
 pub fn without_outcome(subject: &Subject, text: SourceId) -> Option<String> {
-    let is_calibrated = field_orbits(&subject.composer()).iter().any(|orbit| orbit.settings.estimate.calibrated);
+    let is_calibrated =
+        field_orbits(&subject.composer()).iter().any(|orbit| orbit.settings.estimate.calibrated.is_some());
     is_calibrated.then(|| changed(subject, text, Vec::new)).flatten()
 }
 
@@ -38,9 +39,14 @@ pub fn with_outcome(subject: &Subject, text: SourceId, calibration: &Calibration
         }
         entries.push(("fudge", calibration.plan.fudge.to_string()));
         entries.push(("least_step", calibration.plan.least_step.to_string()));
-        entries.push(("calibrated", "true".to_string()));
+        entries.push(("calibrated", calibrated(calibration.rows)));
         entries
     })
+}
+
+/// The value of `calibrated` that stands for a picture of so many rows.
+pub fn calibrated(rows: u32) -> String {
+    if rows == CALIBRATED_ROWS { "true".into() } else { rows.to_string() }
 }
 
 /// Sets the fields that `change` gives for each orbit in turn, and removes others of an earlier outcome.

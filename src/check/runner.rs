@@ -280,7 +280,8 @@ const CALIBRATED_RAYS: usize = 600;
 const CALIBRATED_SIZE: Size = Size { width: 320, height: 240 };
 
 fn has_calibrated_estimate(graph: &ValidGraph) -> bool {
-    let calibrated = |kind: &NodeKind| matches!(kind, NodeKind::Orbit { settings, .. } if settings.estimate.calibrated);
+    let calibrated =
+        |kind: &NodeKind| matches!(kind, NodeKind::Orbit { settings, .. } if settings.estimate.calibrated.is_some());
     graph.nodes.iter().any(|node| calibrated(&node.kind))
 }
 

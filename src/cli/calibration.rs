@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::rc::Rc;
 
+use bulbfold::calibrate::written::calibrated;
 use bulbfold::calibrate::{Calibration, Options, Origin, Row, Verdict, cache, calibrate, camera_of};
 use bulbfold::check::{Subject, Target};
 use bulbfold::compose::{Composer, choose};
@@ -148,5 +149,6 @@ pub fn pasted(calibration: &Calibration) -> Option<String> {
     parts.extend(chosen.form.map(|form| format!("form: \"{}\"", form.name())));
     parts.extend(chosen.fudge.map(|fudge| format!("fudge: {fudge}")));
     parts.extend(chosen.least_step.map(|share| format!("least_step: {share}")));
-    (!parts.is_empty()).then(|| format!("estimate: ({}, calibrated: true),", parts.join(", ")))
+    (!parts.is_empty())
+        .then(|| format!("estimate: ({}, calibrated: {}),", parts.join(", "), calibrated(calibration.rows)))
 }

@@ -21,8 +21,8 @@ pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
-    Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Join, LEAST_STEP,
-    LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings, Plane,
+    CALIBRATED_ROWS, Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Join,
+    LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings, Plane,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
 pub use validate::ValidGraph;

@@ -8,7 +8,8 @@ use super::fields::{read_look, read_plane};
 use super::overrides::{Override, apply_override};
 use super::presets::read_presets;
 use super::settings::{
-    Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Method, NO_ESCAPE, OrbitSettings,
+    CALIBRATED_ROWS, Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Method,
+    NO_ESCAPE, OrbitSettings,
 };
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
@@ -399,9 +400,17 @@ impl Reader<'_> {
         let step = fields.optional_value("step").and_then(|v| self.difference_step(v));
         let least_step = fields.optional_value("least_step").and_then(|v| self.number(v, 1e-4, 1.0));
         let stop_at = fields.optional_value("stop_at").and_then(|v| self.number(v, 1e-3, 100.0));
-        let calibrated = fields.optional::<bool>("calibrated", self.d).unwrap_or(false);
+        let calibrated = fields.optional_value("calibrated").and_then(|v| self.calibrated(v));
         fields.finish(self.d);
         Some(EstimateSettings { method, form, radius, axis, fudge, difference, step, least_step, stop_at, calibrated })
+    }
+
+    /// `true`, or the rows of the picture that was measured.
+    fn calibrated(&mut self, value: &Value) -> Option<u32> {
+        match value.kind {
+            ValueKind::Bool(is_calibrated) => is_calibrated.then_some(CALIBRATED_ROWS),
+            _ => self.number(value, 1.0, 1e5).map(|rows| rows as u32),
+        }
     }
 
     /// A field that is one of several words, or `auto`, which is as if it were absent.

@@ -267,8 +267,8 @@ pub struct EstimateSettings {
     pub least_step: Option<f64>,
     /// Estimate, in pixels, below which a ray stops; `None` stops at members of the set alone.
     pub stop_at: Option<f64>,
-    /// Whether these are the outcome of a calibration, which then is not made again.
-    pub calibrated: bool,
+    /// Rows of the picture that these were measured on, where they are the outcome of a calibration.
+    pub calibrated: Option<u32>,
 }
 
 impl EstimateSettings {
@@ -284,8 +284,20 @@ impl EstimateSettings {
             step: self.step.or(other.step),
             least_step: self.least_step.or(other.least_step),
             stop_at: self.stop_at.or(other.stop_at),
-            calibrated: self.calibrated || other.calibrated,
+            calibrated: self.calibrated.or(other.calibrated),
         }
+    }
+}
+
+/// Rows of the picture that `calibrated: true` stands for: the default of `calibrate`, which is that of `render`.
+pub const CALIBRATED_ROWS: u32 = 720;
+/// How many times as fine as those that a choice was measured on pixels may be.
+const FINER: u32 = 2;
+
+impl EstimateSettings {
+    /// Whether these are a calibration's outcome that does not hold for pictures of so many rows.
+    pub fn is_too_coarse_for(&self, rows: u32) -> bool {
+        self.calibrated.is_some_and(|measured| rows > measured.saturating_mul(FINER))
     }
 }
 

@@ -266,7 +266,7 @@ impl ValidGraph {
     pub fn without_calibration(&self) -> ValidGraph {
         self.with_orbit_settings(|settings| {
             let estimate = &mut settings.estimate;
-            if std::mem::take(&mut estimate.calibrated) {
+            if estimate.calibrated.take().is_some() {
                 (estimate.method, estimate.fudge, estimate.least_step) = (None, None, None);
             }
         })

@@ -43,7 +43,7 @@ pub(super) fn check_forms(subject: &Subject, health: &mut Health) -> Result<(), 
         };
         health.measure(&node.name, "form", format!("{}; far out {growth}", choice.form.name()));
         // One that was measured on the view may be the other: a test holds it to the truth.
-        let stated = orbit.settings.estimate.form.filter(|_| !orbit.settings.estimate.calibrated);
+        let stated = orbit.settings.estimate.form.filter(|_| orbit.settings.estimate.calibrated.is_none());
         let Some(fixed) = stated.filter(|form| is_about_growth(*form) && *form != measured) else {
             continue;
         };
