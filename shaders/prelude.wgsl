@@ -11,6 +11,10 @@ struct Call {
     row: u32,
     /// Most march steps of this dispatch.
     slice: u32,
+    /// Most march steps of a ray.
+    most: u32,
+    /// 1 where rays start: all elements, in order.
+    starts: u32,
 }
 
 @group(0) @binding(0) var<uniform> call: Call;

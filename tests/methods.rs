@@ -1,7 +1,7 @@
 //! Every estimate method and form against answers known from theory, on every back end.
 
 use bulbfold::check::{Backends, Formula, Random, Subject, Target};
-use bulbfold::compose::norm::{frobenius_norm, largest_singular_value};
+use bulbfold::compose::norm::{frobenius_norm, largest_singular_value, long_length};
 use bulbfold::compose::{Choice, Purpose, compose_estimator};
 use bulbfold::expr::{Arena, Function, Port, Type};
 use bulbfold::graph::{DeForm, Difference, Method};
@@ -397,6 +397,30 @@ fn matrices() -> Vec<Vec<f64>> {
         all.push(m);
     }
     all
+}
+
+/// From the least length on, and as far beyond where squares overflow as it promises.
+#[test]
+fn long_lengths_are_exact_to_rounding() {
+    let arena = Arena::default();
+    for least in [2.0, 10.0, 1e4] {
+        let mut function = Function::new("length", vec![Port::new("v", Type::V3)]);
+        function.output("length", long_length(function.input_exprs(&arena)[0], least));
+        let lengths: Vec<f64> = (0..33)
+            .map(|i| least * 10f64.powi(i))
+            .filter(|length| *length < (least * 114f64.exp2()).min(1e37))
+            .collect();
+        let unit = [-2.0 / 7.0, 6.0 / 7.0, 3.0 / 7.0];
+        let columns: Vec<Vec<f64>> = unit.iter().map(|x| lengths.iter().map(|length| x * length).collect()).collect();
+        let kernel = Kernel::Map(function);
+        for target in backends().targets() {
+            let found = backends().run(target, &arena, &kernel, &columns).unwrap();
+            let tolerance = if target == Target::CpuF64 { 1e-15 } else { 2e-6 };
+            for (found, wanted) in found[0].iter().zip(&lengths) {
+                assert!((found - wanted).abs() <= tolerance * wanted, "{target:?}: {found} for {wanted}");
+            }
+        }
+    }
 }
 
 #[test]

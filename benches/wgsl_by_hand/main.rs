@@ -9,7 +9,7 @@ use bulbfold::compose::Composer;
 use bulbfold::diag::Diagnostics;
 use bulbfold::expr::Arena;
 use bulbfold::formula::library::Library;
-use bulbfold::graph::{EstimateSettings, Method};
+use bulbfold::graph::{EstimateSettings, LEAST_STEP, Method};
 use bulbfold::kernel::Backend;
 use bulbfold::kernel::gpu::{AdapterWanted, Gpu, GpuColumns, GpuKernel};
 use bulbfold::load::load;
@@ -50,8 +50,14 @@ fn main() {
 fn pipeline(arena: &Rc<Arena>, name: &str) -> Pipeline {
     let mut library = Library::builtin();
     let loaded = load(&mut library, name, &[], &mut Diagnostics::default()).expect("built-in fractals load");
-    let estimate = EstimateSettings { method: Some(Method::Scalar), fudge: Some(1.0), ..EstimateSettings::default() };
-    let settings = RenderSettings { size: SIZE, estimate, ..RenderSettings::default() };
+    let estimate = EstimateSettings {
+        method: Some(Method::Scalar),
+        fudge: Some(1.0),
+        least_step: Some(LEAST_STEP),
+        ..EstimateSettings::default()
+    };
+    // Steps no longer than the estimate, orbits to their end: what the shaders by hand do.
+    let settings = RenderSettings { size: SIZE, estimate, plain: true, ..RenderSettings::default() };
     let composer = Composer { arena, library: &library, graph: &loaded.graph };
     compose_pipeline(&composer, &settings).expect("built-in fractals compose")
 }

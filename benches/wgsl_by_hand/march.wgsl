@@ -48,7 +48,7 @@ fn march(@builtin(global_invocation_id) id: vec3<u32>) {
                 // Between a point outside and one inside: bisect.
                 last = max(found.de, 0.0);
                 let middle = 0.5 * (inside + outside);
-                if outside < 0.0 || inside - outside <= eps * 0.0625 || middle <= outside || inside <= middle {
+                if outside < 0.0 || inside - outside <= eps * 0.125 || middle <= outside || inside <= middle {
                     t = max(inside, near);
                     status = 1.0;
                     break;
@@ -63,7 +63,7 @@ fn march(@builtin(global_invocation_id) id: vec3<u32>) {
             last = de;
             var next = t + max(de, eps * 0.25);
             if next <= t {
-                next = t * 1.0000002 + 1e-7;
+                next = t + (t * 2.3841858e-7 + 1e-7);
             }
             if next >= far {
                 t = far;

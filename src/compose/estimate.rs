@@ -2,11 +2,11 @@
 
 use super::field::shape_at;
 use super::maps::Moved;
-use super::norm::{frobenius_norm, largest_singular_value, scaled_length};
+use super::norm::{frobenius_norm, largest_singular_value, long_length, scaled_length};
 use super::orbit::{Constants, OrbitBuilder, State};
 use super::{ComposeResult, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Type};
-use crate::graph::{DeForm, Difference, Method};
+use crate::graph::{DeForm, Difference, Method, NO_ESCAPE};
 
 /// The state after the last iteration and the post-transforms.
 struct End<'g> {
@@ -116,8 +116,20 @@ impl<'a> OrbitBuilder<'a> {
         });
         let shifted = shifted.collect::<ComposeResult<Vec<_>>>()?;
         let sizes = shifted.iter().map(|z| self.size(*z, n)).collect::<ComposeResult<Vec<_>>>()?;
-        let size = self.size(moved.z, n)?;
+        let size = if self.tells_of_escaped() {
+            long_length(moved.z, self.settings.escape_radius)
+        } else {
+            self.size(moved.z, n)?
+        };
         Ok(End { z: moved.z, size, dr: moved.dr, rows, along, shifted, sizes })
+    }
+
+    /// True where the size is a length that nothing reads unless the orbit has escaped: what is inside has no distance.
+    fn tells_of_escaped(&self) -> bool {
+        let is_length =
+            matches!(self.choice.form, DeForm::Linear | DeForm::Logarithmic) && self.settings.post.is_empty();
+        let is_distance = matches!(self.purpose, Purpose::Estimate | Purpose::March | Purpose::Decision);
+        is_length && is_distance && self.settings.shape.is_none() && self.settings.escape_radius < NO_ESCAPE
     }
 
     /// The size of an end point in the sense of the form.
@@ -211,8 +223,9 @@ impl<'a> OrbitBuilder<'a> {
             (_, DeForm::End) => size / known,
             (_, DeForm::Linear | DeForm::Box | DeForm::Plane) => (size - self.choice.radius) / known,
         };
-        let nan = (-slope.abs() - 1.0).sqrt();
-        let least = if self.choice.form == DeForm::End { d } else { d.lt(zero).select(zero, d) };
+        let nan = arena.f(f64::NAN);
+        // What `max` makes of NaN does not matter: it is not below 1e30.
+        let least = if self.choice.form == DeForm::End { d } else { d.max(zero) };
         let finite = d.lt(arena.f(1e30)).select(least, nan);
         // A norm may lose NaN and be 0; the size does not.
         let told = tiny.lt(slope).select(finite, size.lt(arena.f(1e38)).select(slope, nan));

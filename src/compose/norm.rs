@@ -9,6 +9,14 @@ pub fn scaled_length(v: Expr<'_>) -> Expr<'_> {
     (v / largest).length() * largest
 }
 
+/// The length of a vector that is at least `least` long. It is scaled by a power of two that takes squares from the low end of
+/// single precision's range to its high end: rounded as without, and finite up to 2^114 `least` or 2^127.
+pub fn long_length(v: Expr<'_>, least: f64) -> Expr<'_> {
+    // Squares keep all their digits where the largest is above 2^-102, and three of them below 2^126 have a sum.
+    let scale = (-51.0 - least.log2().floor()).max(-65.0).exp2();
+    (v * scale).length() * (1.0 / scale)
+}
+
 /// The rows divided by their largest component in size, and that.
 fn scaled_rows<'g>(rows: &[Expr<'g>]) -> (Vec<Expr<'g>>, Expr<'g>) {
     let sizes = rows.iter().map(|row| row.abs()).reduce(|a, b| a.max(b)).expect("a Jacobian has rows");

@@ -215,8 +215,8 @@ impl Kernel {
 pub struct Batch {
     /// Elements of a run that keep it busy.
     pub elements: usize,
-    /// Whether runs from several threads go on at the same time, so that there should be some.
-    pub parallel: bool,
+    /// Runs from several threads that it gains from at the same time; as many as there are threads where that is more.
+    pub at_once: usize,
 }
 
 /// What a back end has prepared.

@@ -1,5 +1,6 @@
 //! A picture in bands: the first pass over each, what has to be refined, and the second pass.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -150,7 +151,7 @@ impl<B: Backend> Renderer<'_, B> {
         Ok(())
     }
 
-    /// Does parts of the work, at the same time where the back end can, and adds up what they count.
+    /// Does parts of the work, as many at the same time as the back end gains from, and adds up what they count.
     fn in_parts<T: Sync, R: Send>(
         &self,
         parts: &[T],
@@ -166,14 +167,25 @@ impl<B: Backend> Renderer<'_, B> {
             let result = work(part, &mut counted).map_err(Halt::Failed)?;
             Ok((result, counted))
         };
-        let results: Result<Vec<(R, Stats)>, Halt> = match self.parallel {
-            true => parts.par_iter().with_max_len(1).map(run).collect(),
-            false => parts.iter().map(run).collect(),
+        // Each lane takes the next part that none has taken, until one of them ends early.
+        let next = AtomicUsize::new(0);
+        let lane = |_| {
+            let mut done = Vec::new();
+            loop {
+                let i = next.fetch_add(1, Ordering::Relaxed);
+                let Some(part) = parts.get(i) else { return Ok(done) };
+                let result = run(part).inspect_err(|_| next.store(parts.len(), Ordering::Relaxed))?;
+                done.push((i, result));
+            }
         };
-        let add = |(result, counted): (R, Stats)| {
+        let lanes = self.at_once.min(rayon::current_num_threads()).min(parts.len());
+        let lanes: Result<Vec<Vec<_>>, Halt> = (0..lanes).into_par_iter().with_max_len(1).map(lane).collect();
+        let mut results: Vec<(usize, (R, Stats))> = lanes?.into_iter().flatten().collect();
+        results.sort_by_key(|(i, _)| *i);
+        let add = |(_, (result, counted)): (usize, (R, Stats))| {
             stats.add(&counted);
             result
         };
-        results.map(|all| all.into_iter().map(add).collect())
+        Ok(results.into_iter().map(add).collect())
     }
 }

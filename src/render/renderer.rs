@@ -39,7 +39,8 @@ pub struct Renderer<'b, B: Backend> {
     /// Where the samples of a pixel lie in it.
     pub(super) samples: Vec<[f64; 2]>,
     pub(super) sampling: Sampling,
-    pub(super) parallel: bool,
+    /// Most parts of the picture that are worked on at the same time.
+    pub(super) at_once: usize,
     /// Pixel coordinates, and starts where there are beams, to rays.
     camera: B::Prepared,
     beams: Option<Beams<B>>,
@@ -132,7 +133,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
             size: settings.size,
             samples: sample_offsets(settings.samples.max(1)),
             sampling: settings.sampling,
-            parallel: batch.parallel,
+            at_once: batch.at_once,
             camera: needed(if shape.tiles.is_some() { "begin" } else { "camera" })?,
             beams: shape.tiles.as_ref().map(|tiles| Beams::new(tiles, &mut needed)).transpose()?,
             march: needed("march")?,

@@ -153,7 +153,7 @@ impl Backend for Cpu {
     type Columns = CpuColumns;
 
     fn batch(&self) -> Batch {
-        Batch { elements: GROUP, parallel: true }
+        Batch { elements: GROUP, at_once: usize::MAX }
     }
 
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<CpuKernel, BackendError> {

@@ -24,6 +24,10 @@ use crate::expr::Arena;
 
 /// Elements of a run that keep a device busy.
 const BATCH: usize = 1 << 16;
+/// Parts of a picture at the same time: one is computed while what another has computed is read and made ready.
+const AT_ONCE: usize = 2;
+/// Time after which a device that does not answer counts as lost.
+const LONGEST_WAIT: Duration = Duration::from_secs(60);
 
 /// A graphics device that runs kernels.
 pub struct Gpu {
@@ -34,6 +38,8 @@ pub struct Gpu {
     trouble: Trouble,
     cache: pipelines::Cache,
     dispatches: Mutex<Dispatches>,
+    /// Held by the thread whose dispatch is being measured.
+    turn: Mutex<()>,
 }
 
 /// What a device was given to do, as far as it was waited for.
@@ -109,6 +115,7 @@ impl Gpu {
             trouble,
             cache: pipelines::Cache::default(),
             dispatches: Mutex::default(),
+            turn: Mutex::default(),
         })
     }
 
@@ -170,39 +177,54 @@ impl Gpu {
         Ok(GpuColumns { buffer, columns, len })
     }
 
-    /// Submits commands and the copy of the first `bytes` of `source`, waits, and hands the copy to `read`.
-    fn read_back<T>(
-        &self,
-        mut encoder: wgpu::CommandEncoder,
-        source: &wgpu::Buffer,
-        bytes: u64,
-        read: impl FnOnce(&[u8]) -> T,
-    ) -> Result<T, BackendError> {
-        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
+    /// A buffer that results are copied into to be read.
+    fn staging(&self, bytes: u64) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
             label: None,
             size: bytes,
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
-        });
-        encoder.copy_buffer_to_buffer(source, 0, &staging, 0, bytes);
-        self.queue.submit([encoder.finish()]);
+        })
+    }
+
+    /// Submits commands, waits for them, and hands what they copied into `staging` to `read`.
+    fn read_back<T>(
+        &self,
+        encoder: wgpu::CommandEncoder,
+        staging: &wgpu::Buffer,
+        read: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, BackendError> {
+        let submission = self.queue.submit([encoder.finish()]);
         let (sender, mapped) = std::sync::mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |result| {
             let _ = sender.send(result);
         });
-        self.wait()?;
-        match mapped.try_recv() {
+        self.wait_for(submission)?;
+        // Another thread's poll may be about to tell it.
+        match mapped.recv_timeout(LONGEST_WAIT) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(BackendError::DeviceLost(error.to_string())),
             Err(_) => return Err(BackendError::DeviceLost("it did not give its results".into())),
         }
         let view = staging.get_mapped_range(..).map_err(|error| BackendError::DeviceLost(error.to_string()))?;
-        Ok(read(&view))
+        let result = read(&view);
+        drop(view);
+        staging.unmap();
+        Ok(result)
     }
 
     /// Waits until the device has done all that was submitted.
     fn wait(&self) -> Result<(), BackendError> {
-        let poll = wgpu::PollType::Wait { submission_index: None, timeout: Some(Duration::from_secs(60)) };
+        self.poll(None)
+    }
+
+    /// Waits until the device has done what was submitted up to here.
+    fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<(), BackendError> {
+        self.poll(Some(submission))
+    }
+
+    fn poll(&self, submission_index: Option<wgpu::SubmissionIndex>) -> Result<(), BackendError> {
+        let poll = wgpu::PollType::Wait { submission_index, timeout: Some(LONGEST_WAIT) };
         if let Err(error) = self.device.poll(poll) {
             self.trouble.set(BackendError::DeviceLost(error.to_string()));
         }
@@ -215,7 +237,7 @@ impl Backend for Gpu {
     type Columns = GpuColumns;
 
     fn batch(&self) -> Batch {
-        Batch { elements: BATCH, parallel: false }
+        Batch { elements: BATCH, at_once: AT_ONCE }
     }
 
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<GpuKernel, BackendError> {
@@ -242,13 +264,21 @@ impl Backend for Gpu {
     }
 
     fn download(&self, columns: &GpuColumns) -> Result<Vec<Vec<f64>>, BackendError> {
-        if columns.len == 0 {
-            return Ok(vec![Vec::new(); columns.columns]);
+        self.download_only(columns, &Vec::from_iter(0..columns.columns))
+    }
+
+    fn download_only(&self, columns: &GpuColumns, numbers: &[usize]) -> Result<Vec<Vec<f64>>, BackendError> {
+        if columns.len == 0 || numbers.is_empty() {
+            return Ok(vec![Vec::new(); numbers.len()]);
         }
         self.scoped(|| {
-            let encoder = self.device.create_command_encoder(&Default::default());
-            let bytes = (columns.columns * columns.len * size_of::<f32>()) as u64;
-            self.read_back(encoder, &columns.buffer, bytes, |bytes| {
+            let bytes = (columns.len * size_of::<f32>()) as u64;
+            let staging = self.staging(bytes * numbers.len() as u64);
+            let mut encoder = self.device.create_command_encoder(&Default::default());
+            for (to, &from) in (0..).zip(numbers) {
+                encoder.copy_buffer_to_buffer(&columns.buffer, from as u64 * bytes, &staging, to * bytes, bytes);
+            }
+            self.read_back(encoder, &staging, |bytes| {
                 let values: &[f32] = bytemuck::cast_slice(bytes);
                 values.chunks_exact(columns.len).map(|c| c.iter().map(|&x| f64::from(x)).collect()).collect()
             })

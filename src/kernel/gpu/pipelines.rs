@@ -25,7 +25,6 @@ pub(super) enum Kind {
     /// One value for each element, whatever the others.
     Straight(wgpu::ComputePipeline),
     March {
-        start: wgpu::ComputePipeline,
         march: wgpu::ComputePipeline,
         max_march_steps: u32,
     },
@@ -96,27 +95,21 @@ impl Pipelines {
             bind_group_layouts: &[Some(&layout)],
             ..Default::default()
         });
-        let pipeline = |entry: &str| {
-            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry),
-                layout: Some(&pipeline_layout),
-                module: &module,
-                entry_point: Some(entry),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    zero_initialize_workgroup_memory: false,
-                    ..Default::default()
-                },
-                cache: None,
-            })
-        };
-        let entries = wgsl::entry_points(kernel);
-        let kind = match kernel {
-            Kernel::Map(_) | Kernel::Estimate(_) => Kind::Straight(pipeline(entries[0])),
-            Kernel::March(march) => Kind::March {
-                start: pipeline(entries[0]),
-                march: pipeline(entries[1]),
-                max_march_steps: march.max_march_steps,
+        let entry = wgsl::entry_point(kernel);
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(entry),
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(entry),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                zero_initialize_workgroup_memory: false,
+                ..Default::default()
             },
+            cache: None,
+        });
+        let kind = match kernel {
+            Kernel::Map(_) | Kernel::Estimate(_) => Kind::Straight(pipeline),
+            Kernel::March(march) => Kind::March { march: pipeline, max_march_steps: march.max_march_steps },
         };
         Pipelines {
             kind,

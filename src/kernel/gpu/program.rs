@@ -4,7 +4,6 @@ use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::pipelines::{Kind, Pipelines};
-use super::slices::Slice;
 use super::{Gpu, GpuColumns};
 use crate::kernel::BackendError;
 use crate::kernel::wgsl::{SAMPLED, UNIFORMS, WORKGROUP};
@@ -26,14 +25,33 @@ struct Call {
     end: u32,
     row: u32,
     slice: u32,
-    padding: [u32; 3],
+    most: u32,
+    starts: u32,
+    padding: u32,
 }
 
-/// Buffers of a march: two lists of running rays (count, then numbers), read and written in turns.
+/// What a dispatch covers.
+#[derive(Clone, Copy)]
+struct Part {
+    /// Elements in a column.
+    n: usize,
+    /// First element, or entry of the list of running rays.
+    first: u32,
+    /// The one after its last.
+    end: u32,
+    /// Most march steps of this dispatch, and of a ray.
+    steps: [u32; 2],
+    /// Whether rays start.
+    starts: bool,
+}
+
+/// Buffers of a march: two lists of running rays (count, work, then numbers), read and written in turns.
 struct MarchBuffers {
     lists: [wgpu::Buffer; 2],
     groups: [wgpu::BindGroup; 2],
     call: wgpu::Buffer,
+    /// Where count and work are read.
+    counts: wgpu::Buffer,
 }
 
 impl Gpu {
@@ -56,8 +74,8 @@ impl Gpu {
         };
         match &kernel.pipelines.kind {
             Kind::Straight(pipeline) => self.run_parts(kernel, pipeline, input, &outputs)?,
-            Kind::March { start, march, max_march_steps } => {
-                self.run_march(kernel, [start, march], *max_march_steps, input, &outputs)?;
+            Kind::March { march, max_march_steps } => {
+                self.run_march(kernel, march, *max_march_steps, input, &outputs)?;
             }
         }
         Ok(outputs)
@@ -124,20 +142,26 @@ impl Gpu {
         })
     }
 
-    /// Commands of one dispatch over a range of elements. The uniform is written when they are submitted.
+    /// Commands of one dispatch. The uniform is written when they are submitted.
     fn dispatch(
         &self,
         pipeline: &wgpu::ComputePipeline,
         group: &wgpu::BindGroup,
         call: &wgpu::Buffer,
-        n: usize,
-        range: std::ops::Range<u32>,
-        slice: u32,
+        part: Part,
     ) -> wgpu::CommandEncoder {
-        let groups = (range.end - range.start).div_ceil(WORKGROUP);
+        let groups = (part.end - part.first).div_ceil(WORKGROUP);
         let width = groups.min(self.device.limits().max_compute_workgroups_per_dimension);
-        let uniform =
-            Call { n: n as u32, first: range.start, end: range.end, row: width * WORKGROUP, slice, padding: [0; 3] };
+        let uniform = Call {
+            n: part.n as u32,
+            first: part.first,
+            end: part.end,
+            row: width * WORKGROUP,
+            slice: part.steps[0],
+            most: part.steps[1],
+            starts: u32::from(part.starts),
+            padding: 0,
+        };
         self.queue.write_buffer(call, 0, bytemuck::bytes_of(&uniform));
         let mut encoder = self.device.create_command_encoder(&Default::default());
         {
@@ -161,53 +185,49 @@ impl Gpu {
         let group = self.bind(kernel, &[&call, &input.buffer, &outputs.buffer]);
         let slices = &kernel.pipelines.slices;
         let (mut first, len) = (0, input.len as u32);
+        let part = |first, end| Part { n: input.len, first, end, steps: [0; 2], starts: false };
         if len <= slices.elements() / 2 {
-            let encoder = self.dispatch(pipeline, &group, &call, input.len, 0..len, 0);
+            let encoder = self.dispatch(pipeline, &group, &call, part(0, len));
             self.queue.submit([encoder.finish()]);
             return Ok(());
         }
-        self.wait()?;
         while first < len {
             let end = len.min(first.saturating_add(slices.elements()));
-            let start = Instant::now();
-            let encoder = self.dispatch(pipeline, &group, &call, input.len, first..end, 0);
-            self.queue.submit([encoder.finish()]);
-            self.wait()?;
-            slices.learn(end - first, self.took(start));
+            let ((), took) = self.measured(|| {
+                let encoder = self.dispatch(pipeline, &group, &call, part(first, end));
+                self.wait_for(self.queue.submit([encoder.finish()]))
+            })?;
+            slices.learn(end - first, took);
             first = end;
         }
         Ok(())
     }
 
-    /// Time since a dispatch was begun that has just ended.
-    fn took(&self, start: Instant) -> Duration {
+    /// Does something with the device and waits for it, on an idle device and while no other thread does so: gives its time.
+    fn measured<T>(&self, work: impl FnOnce() -> Result<T, BackendError>) -> Result<(T, Duration), BackendError> {
+        let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
+        self.wait()?;
+        let start = Instant::now();
+        let result = work()?;
         let took = start.elapsed();
         self.dispatches.lock().unwrap_or_else(PoisonError::into_inner).add(took);
-        took
+        Ok((result, took))
     }
 
     /// Marches in slices until no ray runs or steps have run out. Twin: `run_march` in `kernel/cpu.rs`.
     fn run_march(
         &self,
         kernel: &GpuKernel,
-        [start, march]: [&wgpu::ComputePipeline; 2],
+        march: &wgpu::ComputePipeline,
         max_march_steps: u32,
         input: &GpuColumns,
         outputs: &GpuColumns,
     ) -> Result<(), BackendError> {
         let buffers = self.march_buffers(kernel, input, outputs)?;
-        let (n, mut read) = (input.len, 1);
-        let encoder = self.dispatch(start, &buffers.groups[read], &buffers.call, n, 0..n as u32, 0);
-        read = 1 - read;
-        let [mut running, _] = self.read_back(encoder, &buffers.lists[read], 8, read_counts)?;
-        let (mut done, mut step) = (0, Duration::ZERO);
-        while running > 0 && done < max_march_steps {
-            let slice = kernel.pipelines.slices.slice(running, max_march_steps - done, step);
-            let longest;
-            (running, longest) = self.run_slice(kernel, march, &buffers, read, (n, running, slice))?;
-            step = longest / slice.steps;
-            done += slice.steps;
-            read = 1 - read;
+        let (mut running, mut pass) = (input.len as u32, 0);
+        while running > 0 {
+            running = self.run_pass(kernel, march, &buffers, pass, (input.len, running, max_march_steps))?;
+            pass += 1;
         }
         Ok(())
     }
@@ -223,37 +243,45 @@ impl Gpu {
         let call = self.call_buffer();
         let groups = [0, 1]
             .map(|read| self.bind(kernel, &[&call, &input.buffer, &outputs.buffer, &lists[read], &lists[1 - read]]));
-        Ok(MarchBuffers { lists, groups, call })
+        Ok(MarchBuffers { lists, groups, call, counts: self.staging(COUNTS) })
     }
 
-    /// Advances all listed rays by one slice, in as many dispatches as their number calls for. Gives how many still run and
-    /// the time of the longest dispatch.
-    fn run_slice(
+    /// Advances all running rays, in the first pass all there are, by slices as they fit: in as many dispatches as their number calls
+    /// for. Gives how many go on.
+    fn run_pass(
         &self,
         kernel: &GpuKernel,
         march: &wgpu::ComputePipeline,
         buffers: &MarchBuffers,
-        read: usize,
-        (n, running, slice): (usize, u32, Slice),
-    ) -> Result<(u32, Duration), BackendError> {
+        pass: usize,
+        (n, running, most): (usize, u32, u32),
+    ) -> Result<u32, BackendError> {
+        let read = pass % 2;
         let written = &buffers.lists[1 - read];
-        self.queue.write_buffer(written, 0, &[0; 8]);
+        self.queue.write_buffer(written, 0, &[0; COUNTS as usize]);
         let slices = &kernel.pipelines.slices;
-        let (mut first, mut still_running, mut worked, mut longest) = (0, 0, 0, Duration::ZERO);
+        let (mut first, mut going_on, mut worked) = (0, 0, 0);
         while first < running {
+            // What a slice tells decides how large the next one is, in the same pass too: rays may be at different steps.
+            let slice = slices.slice(running - first, most);
             let end = running.min(first.saturating_add(slice.rays));
-            let start = Instant::now();
-            let encoder = self.dispatch(march, &buffers.groups[read], &buffers.call, n, first..end, slice.steps);
-            let [count, work] = self.read_back(encoder, written, 8, read_counts)?;
-            let took = self.took(start);
-            slices.learn(work.wrapping_sub(worked).saturating_mul(SAMPLED), took);
-            (first, still_running, worked, longest) = (end, count, work, longest.max(took));
+            let part = Part { n, first, end, steps: [slice.steps, most], starts: pass == 0 };
+            let ([count, work], took) = self.measured(|| {
+                let mut encoder = self.dispatch(march, &buffers.groups[read], &buffers.call, part);
+                encoder.copy_buffer_to_buffer(written, 0, &buffers.counts, 0, COUNTS);
+                self.read_back(encoder, &buffers.counts, read_counts)
+            })?;
+            slices.learn_slice(slice, work.wrapping_sub(worked).saturating_mul(SAMPLED), count > going_on, took);
+            (first, going_on, worked) = (end, count, work);
         }
-        Ok((still_running, longest))
+        Ok(going_on)
     }
 }
 
-/// How many rays still run, and the estimates that were counted.
+/// Bytes at the head of a list: how many rays go on, and the estimates that were counted.
+const COUNTS: u64 = 8;
+
+/// How many rays go on, and the estimates that were counted.
 fn read_counts(bytes: &[u8]) -> [u32; 2] {
     bytes.first_chunk::<8>().map_or([0; 2], |bytes| bytemuck::cast(*bytes))
 }

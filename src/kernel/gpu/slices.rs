@@ -1,10 +1,10 @@
 //! How much work one dispatch gets: chosen by the measured time of those before it, so that no driver takes a dispatch for a
 //! hang, a picture on a slow device appears in parts, and a fast device is not kept waiting.
 //!
-//! Work is counted in estimates: an element's, or one step of a ray. A kernel's first dispatch is as small as any; each may be
-//! [`GROWTH`] times as large as the largest so far, as long as the price that was measured leaves it within [`TARGET`].
-//! Most rays of a slice end before its last step. So a slice may hold [`MARGIN`] times as many steps as would fit if none
-//! did, and then still ends before [`TOO_LONG`].
+//! Work is counted in estimates: an element's, or one step of a ray. A kernel's first dispatch is as small as any, and its time
+//! is that of the driver's compiler. From the second on each may be [`GROWTH`] times as large as the largest so far, as long as
+//! the price that was measured leaves it within [`TARGET`]. Most rays of a slice end before its last step. So a slice may hold
+//! [`MARGIN`] times as many steps as would fit if none did, and then still ends before [`TOO_LONG`].
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -33,12 +33,16 @@ const PARALLEL: f64 = 4096.0;
 #[derive(Debug)]
 pub(super) struct Slices(Mutex<Learnt>);
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Learnt {
+    /// Whether it has run: many drivers make its machine code only then.
+    has_run: bool,
     /// Most work that one dispatch has done.
     largest: f64,
     /// Seconds for a unit of work, where it is dear; 0 before anything is known.
     price: f64,
+    /// Seconds that one step of a ray takes at most, however few rays there are; 0 before anything is known.
+    step: f64,
 }
 
 /// A part of a march: how many rays a dispatch takes, and how many steps each goes at most.
@@ -58,7 +62,7 @@ impl Learnt {
 
 impl Slices {
     pub(super) fn new() -> Slices {
-        Slices(Mutex::new(Learnt { largest: 0.0, price: 0.0 }))
+        Slices(Mutex::default())
     }
 
     fn learnt(&self) -> MutexGuard<'_, Learnt> {
@@ -70,20 +74,37 @@ impl Slices {
         self.learnt().allowed() as u32
     }
 
-    /// The next slice of a march in which `running` rays have up to `left` steps to go. `step` is the time that one step
-    /// of a ray takes at most, however few there are; 0 where that is not known.
-    pub(super) fn slice(&self, running: u32, left: u32, step: Duration) -> Slice {
-        let most = self.learnt().allowed() * MARGIN;
-        let wanted = (most / f64::from(running)).max(STEPS).min(most / PARALLEL);
-        let in_time = if step.is_zero() { wanted } else { (TOO_LONG / 2).as_secs_f64() / step.as_secs_f64() };
+    /// The next slice of a march in which up to `running` rays have up to `left` steps to go.
+    pub(super) fn slice(&self, running: u32, left: u32) -> Slice {
+        let learnt = *self.learnt();
+        let most = learnt.allowed() * MARGIN;
+        let wanted = (most / f64::from(running)).max(STEPS).min(most / f64::from(running).min(PARALLEL));
+        let in_time = if learnt.step > 0.0 { (TOO_LONG / 2).as_secs_f64() / learnt.step } else { wanted };
         let steps = wanted.min(in_time).clamp(1.0, f64::from(left));
         Slice { rays: ((most / steps) as u32).clamp(FEWEST, running.max(FEWEST)), steps: steps as u32 }
+    }
+
+    /// Learns from a slice that made `work` estimates; of its rays some went all steps where `goes_on`.
+    pub(super) fn learn_slice(&self, slice: Slice, work: u32, goes_on: bool, took: Duration) {
+        {
+            let mut learnt = self.learnt();
+            if learnt.has_run && goes_on {
+                // Many rays tell more than the time of one step; the fewest tell most.
+                let step = took.as_secs_f64() / f64::from(slice.steps);
+                let known = if learnt.step > 0.0 { learnt.step / MEMORY } else { step };
+                learnt.step = step.min(known);
+            }
+        }
+        self.learn(work, took);
     }
 
     /// Learns from a dispatch that made `work` estimates. Those of little work say more about the way to the device and the
     /// last few rays than about the kernel, unless they took too long.
     pub(super) fn learn(&self, work: u32, took: Duration) {
         let mut learnt = self.learnt();
+        if !std::mem::replace(&mut learnt.has_run, true) {
+            return;
+        }
         let work = f64::from(work.max(1));
         if work * 4.0 >= learnt.allowed() || took > TOO_LONG {
             // The largest says most: the way to the device has the smallest part in it.
@@ -140,19 +161,70 @@ mod tests {
         assert!(slices.elements() > 1 << 22, "{}", slices.elements());
     }
 
+    /// The driver's compiler takes a hundred times as long as the first dispatch itself, and says nothing of the others.
+    #[test]
+    fn the_compiler_is_no_price_of_the_kernel() {
+        let slices = Slices::new();
+        slices.learn(slices.elements(), Duration::from_millis(90));
+        assert_eq!(slices.elements(), FEWEST);
+        let (_, count) = simulate(&slices, 1 << 16, 1e-8);
+        assert!(count <= 4, "{count}");
+    }
+
     #[test]
     fn slices_go_on_for_as_long_as_most_rays_and_end_in_time() {
         let slices = Slices::new();
-        // At first nothing is known.
-        assert_eq!(slices.slice(1 << 16, 1000, Duration::ZERO), Slice { rays: 2048, steps: 1 });
+        // At first nothing is known: as little work, however many rays there are.
+        assert_eq!(slices.slice(1 << 16, 1000), Slice { rays: 2048, steps: 1 });
+        assert_eq!(slices.slice(64, 1000), Slice { rays: 256, steps: 32 });
         // A million estimates in the target time: eight million, if all rays go to the end, still in less than 100 ms.
         simulate(&slices, 1 << 24, 12e-9);
-        let Slice { rays, steps } = slices.slice(1 << 16, 1000, Duration::ZERO);
+        let Slice { rays, steps } = slices.slice(1 << 16, 1000);
         assert!(rays > 60_000 && (110..=130).contains(&steps), "{rays} x {steps}");
-        // Few rays may go to their end, unless a single step takes long.
-        assert_eq!(slices.slice(300, 800, Duration::ZERO), Slice { rays: 300, steps: 800 });
-        assert_eq!(slices.slice(300, 800, Duration::from_millis(1)).steps, 50);
+        // Few rays may go to their end.
+        assert_eq!(slices.slice(300, 800), Slice { rays: 300, steps: 800 });
         // So may many, in parts.
-        assert!(slices.slice(1 << 22, 1000, Duration::ZERO).steps >= STEPS as u32);
+        assert!(slices.slice(1 << 22, 1000).steps >= STEPS as u32);
+    }
+
+    /// A step is never shorter than what one ray takes for it; how long that is the fewest rays tell.
+    #[test]
+    fn a_few_slow_rays_end_in_time() {
+        let slices = Slices::new();
+        simulate(&slices, 1 << 24, 12e-9);
+        let slice = |rays, steps| Slice { rays, steps };
+        slices.learn_slice(slice(300, 10), 3000, true, Duration::from_millis(10));
+        assert_eq!(slices.slice(300, 800).steps, 50);
+        // Many rays take longer without a step of one taking longer.
+        slices.learn_slice(slice(1 << 16, 10), 1 << 19, true, Duration::from_millis(20));
+        assert_eq!(slices.slice(300, 800).steps, 40);
+        slices.learn_slice(slice(2, 10), 20, true, Duration::from_micros(100));
+        assert_eq!(slices.slice(300, 800).steps, 800);
+        // Where all rays ended before the last step nothing is known of it.
+        slices.learn_slice(slice(2, 800), 20, false, Duration::from_millis(90));
+        assert_eq!(slices.slice(300, 800).steps, 800);
+    }
+
+    /// A march of 300000 rays that end after some 20 steps is learnt in a few dispatches, the first time too.
+    #[test]
+    fn a_march_takes_few_dispatches() {
+        for first_time in [true, false] {
+            let slices = Slices::new();
+            let price = 12e-9;
+            if !first_time {
+                simulate(&slices, 1 << 24, price);
+            }
+            let (mut left, mut count) = (300_000, 0);
+            while left > 0 {
+                let slice = slices.slice(left, 1000);
+                let work = slice.rays.min(left) * slice.steps.min(20);
+                let compiler = if count == 0 && first_time { 0.09 } else { 0.0 };
+                let took = Duration::from_secs_f64((f64::from(work) + 100.0) * price + compiler);
+                assert!(took < TOO_LONG);
+                slices.learn_slice(slice, work, slice.steps < 20, took);
+                (left, count) = (left - slice.rays.min(left), count + 1);
+            }
+            assert!(count <= if first_time { 8 } else { 3 }, "{count}");
+        }
     }
 }

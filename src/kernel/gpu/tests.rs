@@ -160,6 +160,33 @@ fn columns_of_several_buffers_are_joined_and_empty_ones_are_fine() {
 }
 
 #[test]
+fn columns_are_downloaded_in_the_order_asked_for() {
+    let Some(gpu) = gpu() else { return };
+    let columns = gpu.upload(&[vec![1.0, 2.0], vec![3.0, 4.0], vec![5.0, 6.0]]).expect("little memory");
+    assert_eq!(gpu.download_only(&columns, &[2, 0]).expect("it works"), [[5.0, 6.0], [1.0, 2.0]]);
+    assert!(gpu.download_only(&columns, &[]).expect("nothing is asked for").is_empty());
+}
+
+/// A march that two threads run at a time gives each of them what it gives alone.
+#[test]
+fn threads_do_not_disturb_each_other() {
+    let Some(gpu) = gpu() else { return };
+    let settings = RenderSettings { size: Size { width: 320, height: 240 }, ..Default::default() };
+    let (arena, pipeline) = pipeline("mandelbulb", &settings);
+    let rays = rays(&arena, &pipeline, settings.size);
+    let kernel = gpu.prepare(&arena, &pipeline.march).expect("a legal kernel");
+    let march = || {
+        let rays = gpu.upload(&rays).expect("little memory");
+        gpu.run(&kernel, &[&rays]).and_then(|hits| gpu.download(&hits)).expect("it runs")
+    };
+    let alone = march();
+    std::thread::scope(|scope| {
+        let all = [0; 2].map(|_| scope.spawn(|| (0..4).all(|_| march() == alone)));
+        assert!(all.into_iter().all(|thread| thread.join().expect("no thread fails")));
+    });
+}
+
+#[test]
 fn what_the_device_refuses_is_an_error() {
     let Some(gpu) = gpu() else { return };
     let result = gpu.columns(1 << 20, 1 << 32);

@@ -37,7 +37,7 @@ pub const SAMPLED: u32 = 16;
 /// Binding of a kernel's uniforms.
 pub const UNIFORMS: u32 = 5;
 
-/// The module of a kernel. Its entry point is [`entry_points`]' last; columns are bound as `shaders/prelude.wgsl` says.
+/// The module of a kernel. Its entry point is [`entry_point`]; columns are bound as `shaders/prelude.wgsl` says.
 pub fn write(arena: &Arena, kernel: &Kernel) -> String {
     let mut writer = Module { arena, body: String::new(), helpers: Helpers::new() };
     match kernel {
@@ -63,12 +63,12 @@ pub fn write_estimate(arena: &Arena, estimator: &Estimator) -> String {
     text
 }
 
-/// Names of a kernel's entry points; all but the last are run once, before it.
-pub fn entry_points(kernel: &Kernel) -> &'static [&'static str] {
+/// Name of a kernel's entry point.
+pub fn entry_point(kernel: &Kernel) -> &'static str {
     match kernel {
-        Kernel::Map(_) => &["map"],
-        Kernel::Estimate(_) => &["estimates"],
-        Kernel::March(_) => &["start", "march"],
+        Kernel::Map(_) => "map",
+        Kernel::Estimate(_) => "estimates",
+        Kernel::March(_) => "march",
     }
 }
 
@@ -273,20 +273,14 @@ impl Module<'_> {
         let locate_arguments = arguments.join(", ");
         let estimated = members(&march.estimator.combine.output_ports());
         arguments.extend(estimated[..2].iter().map(|member| format!("estimated.result.{member}")));
-        let nearest = Port::scalars(&ray_ports()) - 2;
-        let steps = Port::scalars(&state);
-        // t and its front start at the near end; nothing else is known.
-        let mut start: Vec<String> = (0..2).map(|column| format!("store({column}u, i, t_near);")).collect();
-        start.extend((2..steps - 1).map(|column| format!("store({column}u, i, -1.0);")));
-        start.push(format!("store({}u, i, status);", steps - 1));
-        start.extend((steps..steps + 3).map(|column| format!("store({column}u, i, 0.0);")));
+        // t and its front start at the near end; nothing else is known. A ray whose range is empty is over.
+        let missed = scalar(Status::Miss.code());
+        let unknown = "-1.0, -1.0, -1.0";
+        let start = format!("ray_t_near, ray_t_near, {unknown}, select({missed}, 0.0, ray_t_near < ray_t_far)");
         self.template(
             include_str!("../../../shaders/march.wgsl"),
             &[
-                ("T_NEAR", nearest.to_string()),
-                ("T_FAR", (nearest + 1).to_string()),
-                ("MISSED", scalar(Status::Miss.code())),
-                ("START", start.join("\n")),
+                ("START", start),
                 ("RAY", ray.join("\n")),
                 ("ADVANCE", advance),
                 ("STATE", loads("read_state", &state).join(", ")),
@@ -294,7 +288,7 @@ impl Module<'_> {
                 ("LOCATE_ARGUMENTS", locate_arguments),
                 ("ADVANCE_ARGUMENTS", arguments.join(", ")),
                 ("STORES", stores("state", &state)),
-                ("STEPS", steps.to_string()),
+                ("STEPS", Port::scalars(&state).to_string()),
             ],
         );
     }
