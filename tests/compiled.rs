@@ -109,7 +109,7 @@ fn scalar_estimates_are_those_of_the_interpreter() {
         let settings = EstimateSettings { method: Some(Method::Scalar), ..EstimateSettings::default() };
         let choices = choose(&composer, &settings).expect("built-in fractals compose").choices;
         let estimator = compose_estimator(&composer, &choices, Purpose::March).expect("built-in fractals compose");
-        let along = |i: usize| i as f64 * 0.11 - 2.0;
+        let along = |i: usize| i as f64 * 0.39 - 7.0;
         let points: Vec<[f64; 3]> = (0..37 * 27).map(|i| [along(i % 37), along(i / 37), 0.1]).collect();
         let mut columns = Estimator::columns(&points, &[[1.0, 0.0, 0.0]], &[1e-4], 0.0);
         columns.last_mut().expect("points have columns").iter_mut().step_by(3).for_each(|threshold| *threshold = -1.0);
