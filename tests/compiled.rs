@@ -4,12 +4,13 @@ mod sampled;
 
 use std::rc::Rc;
 
-use bulbfold::compose::Composer;
+use bulbfold::compose::{Composer, Purpose, choose, compose_estimator};
 use bulbfold::diag::Diagnostics;
 use bulbfold::expr::Arena;
 use bulbfold::formula::library::Library;
+use bulbfold::graph::{EstimateSettings, Method};
 use bulbfold::kernel::cpu::{Cpu, Precision};
-use bulbfold::kernel::{Backend, Kernel};
+use bulbfold::kernel::{Backend, Estimator, Kernel};
 use bulbfold::load::load;
 use bulbfold::render::{Pipeline, RenderSettings, compose_pipeline};
 use bulbfold::shade::Size;
@@ -87,10 +88,37 @@ fn compare(cpu: Cpu) {
             let hits = run("march", &pipeline.march, &[&rays]);
             let points = run("surface point", &pipeline.surface_point, &[&rays, &hits]);
             let surface = run("surface", &pipeline.surface, &[&points]);
+            let odd = points.iter().map(|column| column[..column.len() - 5].to_vec()).collect();
+            run("surface of all but five", &pipeline.surface, &[&odd]);
             let Some(shadow_ray) = &pipeline.shadow_ray else { return };
             let shadow_rays = run("shadow ray", shadow_ray, &[&rays, &hits, &surface]);
             let shadows = run("shadow", &pipeline.march, &[&shadow_rays]);
             run("colour", &pipeline.colour, &[&rays, &hits, &surface, &shadows]);
         });
+    }
+}
+
+/// Estimates whose states fit into registers, also with several steps by turns; a third of the lanes is not wanted.
+#[test]
+fn scalar_estimates_are_those_of_the_interpreter() {
+    for name in ["mandelbulb", "mandelbox", "box_bulb", "sierpinski_tetrahedron"] {
+        let mut library = Library::builtin();
+        let loaded = load(&mut library, name, &[], &mut Diagnostics::default()).expect("built-in fractals load");
+        let arena = Rc::new(Arena::default());
+        let composer = Composer { arena: &arena, library: &library, graph: &loaded.graph };
+        let settings = EstimateSettings { method: Some(Method::Scalar), ..EstimateSettings::default() };
+        let choices = choose(&composer, &settings).expect("built-in fractals compose").choices;
+        let estimator = compose_estimator(&composer, &choices, Purpose::March).expect("built-in fractals compose");
+        let along = |i: usize| i as f64 * 0.39 - 7.0;
+        let points: Vec<[f64; 3]> = (0..37 * 27).map(|i| [along(i % 37), along(i / 37), 0.1]).collect();
+        let mut columns = Estimator::columns(&points, &[[1.0, 0.0, 0.0]], &[1e-4], 0.0);
+        columns.last_mut().expect("points have columns").iter_mut().step_by(3).for_each(|threshold| *threshold = -1.0);
+        for precision in [Precision::F32, Precision::F64] {
+            let best = Cpu::new(precision);
+            for cpu in [best, best.narrow()] {
+                let found = run_both(&arena, cpu, name, &Kernel::Estimate(estimator.clone()), &[&columns]);
+                assert!(found[0].iter().any(|&de| de > 0.1), "{name}: some points are outside");
+            }
+        }
     }
 }

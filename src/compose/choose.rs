@@ -9,7 +9,7 @@ use crate::graph::{
     DeForm, Difference, DifferenceStep, EstimateSettings, Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method, NodeKind,
     NodeRef, Primitive,
 };
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
 
 /// How distances are estimated from one orbit.
@@ -356,8 +356,13 @@ fn measure_growth(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<Orbi
 /// Runs a kernel on the reference back end, which cannot fail.
 pub(crate) fn run_f64(cpu: &Cpu, composer: &Composer, kernel: &Kernel, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let prepared = cpu.prepare(composer.arena, kernel).expect("the CPU takes every kernel");
+    run_prepared(cpu, &prepared, columns)
+}
+
+/// The same for a kernel that runs several times.
+fn run_prepared(cpu: &Cpu, prepared: &CpuKernel, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let columns = cpu.upload(columns).expect("the CPU holds every column");
-    let result = cpu.run(&prepared, &[&columns]).expect("the CPU runs every kernel");
+    let result = cpu.run(prepared, &[&columns]).expect("the CPU runs every kernel");
     cpu.download(&result).expect("the CPU holds every column")
 }
 
@@ -404,11 +409,12 @@ fn is_warped(composer: &Composer) -> bool {
 fn outermost_member(cpu: &Cpu, composer: &Composer, membership: &Kernel, output: usize) -> Option<f64> {
     let ratio: f64 = 1.08;
     let mut radius = 40.0;
+    let membership = cpu.prepare(composer.arena, membership).expect("the CPU takes every kernel");
     for shell in 0..90 {
         let points = directions(600, f64::from(shell));
         let points: Vec<[f64; 3]> = points.iter().map(|p| p.map(|x| x * radius)).collect();
         let columns = Estimator::columns(&points, &points.iter().map(inwards).collect::<Vec<_>>(), &[1e-4], 0.0);
-        let inside = run_f64(cpu, composer, membership, &columns).swap_remove(output);
+        let inside = run_prepared(cpu, &membership, &columns).swap_remove(output);
         if inside.iter().any(|&i| i > 0.5) {
             return Some(radius * ratio * ratio);
         }

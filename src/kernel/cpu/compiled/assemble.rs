@@ -365,6 +365,17 @@ impl Assembler {
         self.push(Instruction::with2(code, counter.register(), u64::from(value)).expect(VALID));
     }
 
+    /// The number of iterations left, in all lanes of a register; only without masks.
+    pub(super) fn left(&mut self, dst: u8) {
+        let (convert, spread) = match self.precision {
+            Precision::F32 => (VEX_Vcvtsi2ss_xmm_xmm_rm32, VEX_Vbroadcastss_ymm_xmm),
+            Precision::F64 => (VEX_Vcvtsi2sd_xmm_xmm_rm32, VEX_Vbroadcastsd_ymm_xmm),
+        };
+        let narrow = Register::XMM0 + u32::from(dst);
+        self.push(Instruction::with3(convert, narrow, narrow, Register::R13D).expect(VALID));
+        self.push(Instruction::with2(spread, self.vector(dst), narrow).expect(VALID));
+    }
+
     /// Counts down and jumps while something is left.
     pub(super) fn count_down(&mut self, counter: Counter, to: Label) {
         self.push(Instruction::with1(Code::Dec_rm64, counter.register()).expect(VALID));

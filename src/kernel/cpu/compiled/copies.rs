@@ -5,12 +5,24 @@
 
 use std::collections::HashMap;
 
+use super::instructions::InstructionSet;
 use super::segment::{Activity, Segment, Target};
 use super::trace::{Operation, Place, Value};
+use crate::kernel::cpu::tapes::Program;
 
 /// Vectors in step. Marches take longer with more: fewer lanes are busy while the last of them iterates, and values go to
 /// memory for want of registers.
 pub(in crate::kernel::cpu) const COPIES: usize = 2;
+/// Vectors in step of estimates with AVX2, whose vectors are half as long.
+pub(super) const MOST_COPIES: usize = 4;
+
+/// Vectors in step of a kernel.
+pub(super) fn copies_of(program: &Program, set: InstructionSet) -> usize {
+    match (program, set) {
+        (Program::Estimate(_), InstructionSet::Avx2) => MOST_COPIES,
+        _ => COPIES,
+    }
+}
 
 impl Segment {
     /// The code for `count` vectors, by turns an operation of each. A place of a further copy lies so many behind that of the
@@ -27,7 +39,9 @@ impl Segment {
             let next = operations.len() as Value;
             numbers[i] = match operation {
                 // What all copies have in common is there once.
-                Operation::Constant(_) | Operation::Uniform(_) => *shared.entry(operation).or_insert(next),
+                Operation::Constant(_) | Operation::Uniform(_) | Operation::Left => {
+                    *shared.entry(operation).or_insert(next)
+                }
                 _ => next,
             };
             if numbers[i] == next {

@@ -45,14 +45,6 @@ impl InstructionSet {
         }
     }
 
-    /// Most registers that an orbit's state may keep through its iterations.
-    pub(super) fn most_set_aside(self) -> usize {
-        match self {
-            InstructionSet::Avx2 => 0,
-            InstructionSet::Avx512 => 14,
-        }
-    }
-
     /// True where masks have registers of their own.
     pub(super) fn has_masks(self) -> bool {
         self == InstructionSet::Avx512

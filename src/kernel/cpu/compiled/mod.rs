@@ -1,8 +1,8 @@
 //! Tapes as machine code, for processors with AVX-512 or AVX2: what the interpreter does, without its loads and stores.
 //!
 //! A kernel becomes one function over a frame of vectors, two in step (each of 16 rays with AVX-512, of 8 with AVX2; half of that in
-//! f64), with its loops: temporaries stay in registers, with AVX-512 also orbits' states, and lanes that are done keep
-//! their values by masked moves. Results are those of the interpreter to the last bit. [`trace`] says what is computed, [`emit`] in
+//! f64), with its loops: temporaries stay in registers, orbits' states too where they fit. Lanes that are done keep their values: by masked moves
+//! with AVX-512; with AVX2 all lanes go on, and what each was when it ended is set aside. Results are those of the interpreter to the last bit. [`trace`] says what is computed, [`emit`] in
 //! which registers, [`assemble`] and [`active`] in which instructions, of the sets in [`instructions`]. Other processors,
 //! and systems that allow no such code, have the interpreter.
 
@@ -20,6 +20,7 @@ use std::marker::PhantomData;
 
 use self::assemble::{Line, MachineCode};
 pub(super) use self::copies::COPIES;
+use self::copies::MOST_COPIES;
 pub(super) use self::instructions::InstructionSet;
 pub(super) use self::kernels::compile;
 use crate::kernel::Status;
@@ -44,6 +45,8 @@ pub(super) struct Compiled {
 struct Columns {
     /// First vector of the inputs.
     inputs: usize,
+    /// The inputs that the code reads.
+    read: Vec<usize>,
     /// First vector of the outputs.
     outputs: usize,
     /// Most steps of a ray, where this is a march.
@@ -93,19 +96,26 @@ impl Compiled {
     /// Runs the kernel on columns. `T` must be the number that it was compiled for.
     pub(super) fn run<T: Element>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
         assert_eq!(T::PRECISION, self.precision);
-        match self.set.lanes(self.precision) {
-            16 => self.run_frame::<T, 16>(inputs, outputs),
-            8 => self.run_frame::<T, 8>(inputs, outputs),
-            _ => self.run_frame::<T, 4>(inputs, outputs),
+        match self.copies {
+            COPIES => self.run_copies::<T, COPIES>(inputs, outputs),
+            _ => self.run_copies::<T, MOST_COPIES>(inputs, outputs),
         }
     }
 
-    fn run_frame<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
+    fn run_copies<T: Element, const K: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
+        match self.set.lanes(self.precision) {
+            16 => self.run_frame::<T, 16, K>(inputs, outputs),
+            8 => self.run_frame::<T, 8, K>(inputs, outputs),
+            _ => self.run_frame::<T, 4, K>(inputs, outputs),
+        }
+    }
+
+    fn run_frame<T: Element, const LANES: usize, const K: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
         assert_eq!(size_of::<[T; LANES]>(), self.set.bytes());
         let mut frame = Frame::new(self.slots, self.copies);
         match self.columns.max_march_steps {
             Some(limit) => self.march::<T, LANES>(&mut frame, limit, inputs, outputs),
-            None => self.map::<T, LANES>(&mut frame, inputs, outputs),
+            None => self.map::<T, LANES, K>(&mut frame, inputs, outputs),
         }
     }
 
@@ -115,40 +125,42 @@ impl Compiled {
         unsafe { self.code.run(&mut frame.lines, wanted) }
     }
 
-    fn map<T: Element, const LANES: usize>(
+    fn map<T: Element, const LANES: usize, const K: usize>(
         &self,
         frame: &mut Frame<T, LANES>,
         inputs: &[&[T]],
         outputs: &mut [&mut [T]],
     ) {
+        let Columns { read, inputs: first_input, outputs: first_output, .. } = &self.columns;
         let len = inputs.first().map_or(0, |column| column.len());
-        for at in (0..len).step_by(frame.lanes()) {
-            for vector in 0..self.copies {
-                let from = (at + vector * LANES).min(len - 1);
-                let count = LANES.min(len - from);
-                for (i, column) in inputs.iter().enumerate() {
-                    let lanes = &mut frame.vectors()[self.columns.inputs + i * self.copies + vector];
-                    match column[from..].first_chunk() {
-                        Some(whole) => *lanes = *whole,
-                        None => {
-                            lanes[..count].copy_from_slice(&column[from..]);
-                            lanes[count..].fill(column[len - 1]);
-                        }
-                    }
-                }
+        let whole = len / frame.lanes();
+        let columns = read.iter().map(|&i| (first_input + i * K, inputs[i].as_chunks().0.as_chunks().0));
+        let columns: Vec<(usize, &[[[T; LANES]; K]])> = columns.collect();
+        let results = outputs.iter_mut().enumerate();
+        let results = results.map(|(i, column)| (first_output + i * K, column.as_chunks_mut().0.as_chunks_mut().0));
+        let mut results: Vec<(usize, &mut [[[T; LANES]; K]])> = results.collect();
+        for at in 0..whole {
+            let vectors = frame.vectors();
+            for (slot, column) in &columns {
+                *vectors[*slot..].first_chunk_mut().expect("the frame holds every column") = column[at];
             }
             self.call(frame, 0);
-            for vector in 0..self.copies {
-                let from = (at + vector * LANES).min(len);
-                let count = LANES.min(len - from);
-                for (i, column) in outputs.iter_mut().enumerate() {
-                    let lanes = &frame.vectors()[self.columns.outputs + i * self.copies + vector];
-                    match column[from..].first_chunk_mut() {
-                        Some(whole) => *whole = *lanes,
-                        None => column[from..].copy_from_slice(&lanes[..count]),
-                    }
-                }
+            let vectors = frame.vectors();
+            for (slot, column) in &mut results {
+                column[at] = *vectors[*slot..].first_chunk().expect("the frame holds every column");
             }
+        }
+        // What is left, and its last element as often as there is room.
+        let at = whole * frame.lanes();
+        if at == len {
+            return;
+        }
+        for lane in 0..frame.lanes() {
+            read.iter().for_each(|&i| *frame.lane(*first_input, i, lane) = inputs[i][(at + lane).min(len - 1)]);
+        }
+        self.call(frame, 0);
+        for (i, column) in outputs.iter_mut().enumerate() {
+            (at..len).for_each(|j| column[j] = *frame.lane(*first_output, i, j - at));
         }
     }
 

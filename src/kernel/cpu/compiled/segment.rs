@@ -1,6 +1,5 @@
 //! Straight-line code: recorded operations, where their results go, and the frame's vectors.
 
-use super::copies::COPIES;
 use super::kit::Kits;
 use super::trace::{Operation, Place, Value};
 
@@ -8,9 +7,9 @@ use super::trace::{Operation, Place, Value};
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Target {
     Slot(u16),
-    /// A register that is set aside.
+    /// A register, whether it is set aside or not.
     Register(u8),
-    /// The same, in active lanes only.
+    /// A register that is set aside, in active lanes only.
     ActiveRegister(u8),
 }
 
@@ -69,7 +68,10 @@ pub(super) struct CallSlots {
 }
 
 impl CallSlots {
-    pub(super) const COUNT: usize = 4 + COPIES;
+    /// How many there are.
+    pub(super) fn count(copies: usize) -> usize {
+        4 + copies
+    }
 
     /// The first of the slots for the active lanes.
     pub(super) fn first_active(self) -> u16 {

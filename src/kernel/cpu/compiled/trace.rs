@@ -20,7 +20,7 @@ pub(super) type Value = u32;
 pub(super) enum Place {
     /// A vector in the frame, by number.
     Slot(u16),
-    /// A machine register that is set aside, by number.
+    /// A machine register, by number.
     Register(u8),
     /// The mask of active lanes of a copy, by number.
     Active(u8),
@@ -34,6 +34,8 @@ pub(super) enum Operation {
     /// The uniform of this number, in all lanes.
     Uniform(u16),
     Read(Place),
+    /// The iterations left of those that the loop may do, in all lanes.
+    Left,
     Unary(Unary, Value),
     Binary(Binary, Value, Value),
     /// `±(a b) ± c`, rounded once.
@@ -123,7 +125,7 @@ impl Operation {
     pub(super) fn sources(self) -> impl Iterator<Item = Value> {
         use Operation::*;
         let list = match self {
-            Constant(_) | Uniform(_) | Read(_) => [None; 3],
+            Constant(_) | Uniform(_) | Read(_) | Left => [None; 3],
             Unary(_, a) | FromMask(a) | MaskNot(a) | Second(a) => [Some(a), None, None],
             Binary(_, a, b) | Compare(_, a, b) | MaskAnd(a, b) | MaskOr(a, b) | Call(_, a, b) => {
                 [Some(a), Some(b), None]
@@ -137,7 +139,7 @@ impl Operation {
     pub(super) fn with_sources(self, to: impl Fn(Value) -> Value) -> Operation {
         use Operation::*;
         match self {
-            Constant(_) | Uniform(_) | Read(_) => self,
+            Constant(_) | Uniform(_) | Read(_) | Left => self,
             Unary(unary, a) => Unary(unary, to(a)),
             FromMask(a) => FromMask(to(a)),
             MaskNot(a) => MaskNot(to(a)),
@@ -194,7 +196,17 @@ impl Recorder {
 
     /// The lanes that are active when the segment starts, as a mask.
     pub(super) fn active(&self) -> TracedMask<'_> {
-        TracedMask { value: self.value(Operation::Read(Place::Active(0))), recorder: self }
+        self.mask(Place::Active(0))
+    }
+
+    /// A mask that is somewhere when the segment starts.
+    pub(super) fn mask(&self, place: Place) -> TracedMask<'_> {
+        TracedMask { value: self.value(Operation::Read(place)), recorder: self }
+    }
+
+    /// The iterations left of those that the loop may do.
+    pub(super) fn left(&self) -> Traced<'_> {
+        self.number(Operation::Left)
     }
 
     fn number(&self, operation: Operation) -> Traced<'_> {
@@ -273,6 +285,20 @@ impl<'a> Traced<'a> {
         self.value == Self::splat(self.recorder, x).value
     }
 
+    /// True for `-|x| - 1`: the root of that is how formulas write what is not a number.
+    fn is_negative(self) -> bool {
+        let of = |value: Value| self.recorder.operation(value);
+        match of(self.value) {
+            Operation::Binary(Binary::Sub, a, b) => match of(a) {
+                Operation::Unary(Unary::Neg, x) => {
+                    matches!(of(x), Operation::Unary(Unary::Abs, _)) && Self { value: b, ..self }.is(1.0)
+                }
+                _ => false,
+            },
+            _ => false,
+        }
+    }
+
     /// The value without its sign change, and whether it had one.
     fn without_sign(self) -> (Value, bool) {
         match self.recorder.operation(self.value) {
@@ -338,7 +364,10 @@ impl<'a> Real for Traced<'a> {
     }
 
     fn sqrt(self) -> Self {
-        self.unary(Unary::Sqrt)
+        match self.is_negative() {
+            true => Self::splat(self.recorder, -f64::NAN),
+            false => self.unary(Unary::Sqrt),
+        }
     }
 
     fn floor(self) -> Self {

@@ -3,12 +3,15 @@
 //! Since the code has no branches, the distance to the next use of every value is known. Where registers run out, the
 //! value that is used last makes room (Belady's rule): it goes to the frame, unless it is there anyway.
 
+mod outputs;
+
+use std::collections::HashMap;
 use std::ops::Range;
 
 use super::active::Active;
 use super::assemble::{Assembler, Function, Source};
-use super::instructions::Fused;
-use super::segment::{Activity, CallSlots, Segment, Slots, Target};
+use super::instructions::{Form, Fused};
+use super::segment::{CallSlots, Segment, Slots, Target};
 use super::trace::{Binary, Operation, Place, Unary, Value};
 
 /// Most vector registers of any instruction set.
@@ -20,7 +23,13 @@ const MASKS: usize = 8;
 
 impl Segment {
     /// Writes the code. Registers from `limit` on are set aside.
-    pub(super) fn emit(&self, assembler: &mut Assembler, slots: &mut Slots, calls: CallSlots, limit: u8) {
+    pub(in crate::kernel::cpu::compiled) fn emit(
+        &self,
+        assembler: &mut Assembler,
+        slots: &mut Slots,
+        calls: CallSlots,
+        limit: u8,
+    ) {
         let mut emitter = Emitter::new(self, assembler, slots, calls, limit);
         for (i, operation) in self.operations.iter().enumerate() {
             if !emitter.uses[i].is_empty() {
@@ -50,6 +59,10 @@ struct Emitter<'a> {
     /// Where else it is.
     memory: Vec<Option<Source>>,
     spilled: Vec<bool>,
+    /// Where a value goes in the end.
+    targets: Vec<Option<Target>>,
+    /// The last reads of what slots hold when the segment starts.
+    reads: HashMap<u16, u32>,
     /// Slots whose values are dead, but which the current operation may still read from.
     dying_slots: Vec<u16>,
     vectors: [Option<Value>; MOST_REGISTERS],
@@ -85,20 +98,27 @@ impl<'a> Emitter<'a> {
             home: vec![None; count],
             memory: vec![None; count],
             spilled: vec![false; count],
+            targets: vec![None; count],
+            reads: HashMap::new(),
             dying_slots: Vec::new(),
             vectors: [None; MOST_REGISTERS],
             masks: [None; MASKS],
             copies: segment.activity.len() as u8,
         };
+        segment.outputs.iter().for_each(|&(value, target)| emitter.targets[value as usize] = Some(target));
         for (i, operation) in segment.operations.iter().enumerate() {
             match *operation {
+                _ if emitter.uses[i].is_empty() => {}
                 Operation::Constant(bits) => {
                     emitter.memory[i] = Some(Source::Constant(emitter.assembler.constant(bits)));
                 }
                 Operation::Uniform(number) => {
                     emitter.memory[i] = Some(Source::Constant(emitter.assembler.uniform(number)));
                 }
-                Operation::Read(Place::Slot(slot)) => emitter.memory[i] = Some(Source::Slot(slot)),
+                Operation::Read(Place::Slot(slot)) => {
+                    emitter.memory[i] = Some(Source::Slot(slot));
+                    emitter.reads.insert(slot, emitter.uses[i][0]);
+                }
                 Operation::Read(Place::Register(register)) => {
                     emitter.home[i] = Some(register);
                     emitter.vectors[register as usize] = Some(i as Value);
@@ -137,7 +157,16 @@ impl<'a> Emitter<'a> {
         if self.memory[i].is_some() {
             return;
         }
-        let (Some(home), slot) = (self.home[i], self.slots.take()) else { return };
+        let Some(home) = self.home[i] else { return };
+        if let Some(Target::Slot(slot)) = self.targets[i]
+            && !self.operations[i].is_mask()
+            && self.reads.get(&slot).is_none_or(|&read| read < self.at)
+        {
+            self.assembler.store(slot, home);
+            self.memory[i] = Some(Source::Slot(slot));
+            return;
+        }
+        let slot = self.slots.take();
         match self.is_in_masks(value) {
             true => self.assembler.mask_store(slot, home),
             false => self.assembler.store(slot, home),
@@ -260,17 +289,22 @@ impl<'a> Emitter<'a> {
     fn operation(&mut self, value: Value, operation: Operation) {
         match operation {
             Operation::Constant(_) | Operation::Uniform(_) | Operation::Read(_) => {}
+            Operation::Left => {
+                let dst = self.take_vector(&[]);
+                self.assembler.left(dst);
+                self.hold(value, dst);
+            }
             Operation::Unary(unary, a) => {
                 let dst = match unary {
                     Unary::Neg | Unary::Abs => {
                         let a = self.register(a, &[a]);
-                        let dst = self.result(operation);
+                        let dst = self.result(value, operation);
                         self.assembler.sign(unary, dst, a);
                         dst
                     }
                     Unary::Sqrt | Unary::Floor => {
                         let a = self.source(a, &[a]);
-                        let dst = self.result(operation);
+                        let dst = self.result(value, operation);
                         self.assembler.unary(unary, dst, a);
                         dst
                     }
@@ -281,7 +315,7 @@ impl<'a> Emitter<'a> {
                 let swap = matches!(binary, Binary::Add | Binary::Mul) && self.reads_from_memory(a);
                 let (a, b) = if swap { (b, a) } else { (a, b) };
                 let (first, second) = (self.register(a, &[a, b]), self.source(b, &[a, b]));
-                let dst = self.result(operation);
+                let dst = self.result(value, operation);
                 self.assembler.binary(binary, dst, first, second);
                 self.hold(value, dst);
             }
@@ -297,14 +331,23 @@ impl<'a> Emitter<'a> {
                 let keep = [mask, a, b];
                 let mask = self.mask_register(mask, &keep);
                 let (otherwise, then) = (self.register(b, &keep), self.source(a, &keep));
-                let dst = self.result(operation);
+                let dst = self.result(value, operation);
                 self.assembler.select(dst, mask, otherwise, then);
                 self.hold(value, dst);
             }
             Operation::FromMask(mask) => {
                 let mask = self.mask_register(mask, &[mask]);
-                let dst = self.result(operation);
+                let dst = self.result(value, operation);
                 self.assembler.number_from_mask(dst, mask);
+                self.hold(value, dst);
+            }
+            Operation::MaskAnd(a, b) | Operation::MaskOr(a, b) if !self.assembler.set.has_masks() => {
+                let (a, b) = if self.reads_from_memory(a) { (b, a) } else { (a, b) };
+                let (first, second) = (self.register(a, &[a, b]), self.source(b, &[a, b]));
+                let dst = self.result(value, operation);
+                let form = if matches!(operation, Operation::MaskAnd(..)) { Form::And } else { Form::Or };
+                let instruction = self.assembler.three(form, dst, first, second);
+                self.assembler.push(instruction);
                 self.hold(value, dst);
             }
             Operation::MaskAnd(a, b) | Operation::MaskOr(a, b) => {
@@ -342,9 +385,12 @@ impl<'a> Emitter<'a> {
 
     /// A register for the result, after the last use of sources that end here. A source that has to make room is
     /// saved first, and still there when the instruction reads it.
-    fn result(&mut self, operation: Operation) -> u8 {
+    fn result(&mut self, value: Value, operation: Operation) -> u8 {
         self.retire(operation.sources());
-        self.take_vector(&[])
+        match self.targets[value as usize] {
+            Some(Target::Register(to)) if to < self.limit && self.vectors[to as usize].is_none() => to,
+            _ => self.take_vector(&[]),
+        }
     }
 
     fn mul_add(&mut self, value: Value, operation: Operation) {
@@ -394,87 +440,5 @@ impl<'a> Emitter<'a> {
         self.assembler.save_active(self.copies);
         self.assembler.call(function, self.calls.first);
         self.assembler.restore_active(self.copies);
-    }
-
-    fn finish(&mut self, segment: &Segment) {
-        self.at = self.operations.len() as u32;
-        for (copy, activity) in segment.activity.iter().enumerate() {
-            if let Activity::Become(mask) = *activity {
-                let mask = self.mask_register(mask, &[]);
-                self.assembler.activate(copy as u8, mask);
-            }
-        }
-        self.move_out_of_the_way(segment);
-        for (value, target) in &segment.outputs {
-            if self.is_there(*value, *target) {
-                continue;
-            }
-            let register = self.register(*value, &[]);
-            match *target {
-                Target::Slot(slot) => self.assembler.store(slot, register),
-                Target::Register(to) => self.assembler.load(to, Source::Register(register)),
-                // Registers of a state lie by copy.
-                Target::ActiveRegister(to) => {
-                    let copy = (to - self.limit) % self.copies;
-                    let condition = match self.assembler.active(copy) {
-                        Active::Mask(condition) => condition,
-                        Active::Slot(slot) => {
-                            let condition = self.take_vector(&[*value]);
-                            self.assembler.load(condition, Source::Slot(slot));
-                            condition
-                        }
-                    };
-                    self.assembler.merge(to, condition, register);
-                }
-            }
-        }
-        for (copy, activity) in segment.activity.iter().enumerate() {
-            if let Activity::Lose(mask) = *activity {
-                let mask = self.mask_register(mask, &[]);
-                self.assembler.deactivate(copy as u8, mask);
-            }
-        }
-        for i in 0..self.operations.len() {
-            if let (true, Some(Source::Slot(slot))) = (self.spilled[i], self.memory[i]) {
-                self.slots.free(slot);
-            }
-        }
-    }
-
-    /// True when an output is an input that stays where it is.
-    fn is_there(&self, value: Value, target: Target) -> bool {
-        match (self.operations[value as usize], target) {
-            (Operation::Read(Place::Slot(from)), Target::Slot(to)) => from == to,
-            (Operation::Read(Place::Register(from)), Target::Register(to) | Target::ActiveRegister(to)) => from == to,
-            _ => false,
-        }
-    }
-
-    /// Copies outputs that another output would overwrite before they are stored.
-    fn move_out_of_the_way(&mut self, segment: &Segment) {
-        let kept: Vec<Value> = segment.outputs.iter().map(|o| o.0).collect();
-        for (value, target) in &segment.outputs {
-            if self.is_there(*value, *target) {
-                continue;
-            }
-            let overwritten = |place: Place| {
-                segment.outputs.iter().any(|(_, other)| match (place, *other) {
-                    (Place::Slot(from), Target::Slot(to)) => from == to,
-                    (Place::Register(from), Target::Register(to) | Target::ActiveRegister(to)) => from == to,
-                    _ => false,
-                })
-            };
-            match self.operations[*value as usize] {
-                Operation::Read(place @ Place::Slot(_)) if overwritten(place) => {
-                    self.register(*value, &kept);
-                }
-                Operation::Read(place @ Place::Register(from)) if overwritten(place) => {
-                    let register = self.take_vector(&kept);
-                    self.assembler.load(register, Source::Register(from));
-                    self.hold(*value, register);
-                }
-                _ => {}
-            }
-        }
     }
 }
