@@ -158,7 +158,9 @@ impl<'a> Emitter<'a> {
             return;
         }
         let Some(home) = self.home[i] else { return };
+        // Not tried with masks.
         if let Some(Target::Slot(slot)) = self.targets[i]
+            && !self.assembler.set.has_masks()
             && !self.operations[i].is_mask()
             && self.reads.get(&slot).is_none_or(|&read| read < self.at)
         {
@@ -388,7 +390,12 @@ impl<'a> Emitter<'a> {
     fn result(&mut self, value: Value, operation: Operation) -> u8 {
         self.retire(operation.sources());
         match self.targets[value as usize] {
-            Some(Target::Register(to)) if to < self.limit && self.vectors[to as usize].is_none() => to,
+            // Not tried with masks either.
+            Some(Target::Register(to))
+                if !self.assembler.set.has_masks() && to < self.limit && self.vectors[to as usize].is_none() =>
+            {
+                to
+            }
             _ => self.take_vector(&[]),
         }
     }
