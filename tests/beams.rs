@@ -73,6 +73,7 @@ fn judged(truths: &Truths, chosen: &[usize], depths: &[Option<f64>]) -> Judgemen
         estimates: 0,
         iterations: 0,
         nan: false,
+        undecided: false,
     };
     truths.judge(&chosen.iter().map(end).collect::<Vec<_>>())
 }

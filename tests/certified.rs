@@ -215,6 +215,7 @@ fn expect_nothing_missed(systems: &[(&str, &str)], method: Method, rays: usize, 
         // Balls prove less beside a grazing ray, so it walks more; only what is thinner than a threshold may be passed there.
         let missed = if method == Method::Certified { judged.missed } else { judged.missed_thick };
         assert_eq!(missed, 0.0, "{} with {}: {judged:?}", system.0, method.name());
+        assert_eq!(judged.disproven, 0, "{} with {}: {judged:?}", system.0, method.name());
     }
 }
 

@@ -281,6 +281,7 @@ fn early_stops_are_counted_by_the_bounding_radius() {
                 estimates: 10,
                 iterations: 20,
                 nan: false,
+                undecided: false,
             })
             .collect();
         truths.judge(&ends)

@@ -248,7 +248,17 @@ impl Measured {
             writeln!(out, "                      no true hit is further than {thickness:.2e} from it")?;
         }
         writeln!(out, "march by {}, fudge {}, on {}", self.method(), self.plan.fudge, self.backend)?;
-        print_judgement(&judged, out)
+        print_judgement(&judged, out)?;
+        if self.is_proof() {
+            let Judgement { undecided, disproven, .. } = judged;
+            writeln!(out, "  undecided  {undecided:6}   rays crossed something unproven; hits passed by the others: {disproven}")?;
+        }
+        Ok(())
+    }
+
+    /// Whether some orbit is proven and not estimated: then rays may be undecided.
+    fn is_proof(&self) -> bool {
+        self.plan.choices.iter().any(|choice| choice.method.is_certified())
     }
 
     fn json(&self, out: &mut dyn Write) -> Outcome {
@@ -263,6 +273,7 @@ impl Measured {
             let line = json!({
                 "origin": ray.0, "direction": ray.1, "truth": kind, "t": truth.depth(), "thin": thin,
                 "march": end.depth(), "estimates": end.estimates, "iterations": end.iterations,
+                "undecided": self.is_proof().then_some(end.undecided),
             });
             writeln!(out, "{line}")?;
         }
@@ -283,6 +294,7 @@ impl Measured {
             "method": self.method(), "fudge": self.plan.fudge, "backend": self.backend, "missed": j.missed,
             "missed_thin": j.missed_thin, "early": j.early, "finer": j.finer, "median_error": j.median_error,
             "unfinished": j.unfinished, "nan": j.nan, "estimates": j.estimates, "iterations": j.iterations,
+            "undecided": self.is_proof().then_some(j.undecided), "disproven": self.is_proof().then_some(j.disproven),
         } });
         writeln!(out, "{line}")?;
         Ok(())

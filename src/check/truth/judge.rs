@@ -7,7 +7,7 @@ use crate::compose::{Choice, ComposeResult, Composer, Purpose, compose_estimator
 use crate::expr::Arena;
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
-use crate::march::{MarchSettings, compose_march};
+use crate::march::{MarchSettings, compose_march, is_undecided};
 use crate::render::{RenderSettings, compose_pipeline};
 
 /// What is less likely than this is evidence.
@@ -35,6 +35,8 @@ pub struct End {
     pub iterations: u64,
     /// Whether an estimate was not a number.
     pub nan: bool,
+    /// Of a march of proofs: whether it crossed anything unproven.
+    pub undecided: bool,
 }
 
 impl End {
@@ -92,6 +94,10 @@ pub struct Judgement {
     pub median_error: f64,
     /// Settled rays that ran out of steps.
     pub unfinished: usize,
+    /// Of a march of proofs: settled rays that crossed something unproven.
+    pub undecided: usize,
+    /// Hits that were passed on rays that did not: errors of the proofs, or of rounding.
+    pub disproven: usize,
     /// Rays with an estimate that was not a number.
     pub nan: usize,
     /// Estimates a ray, on the average of all rays.
@@ -154,9 +160,10 @@ pub fn ends(out: &[Vec<f64>], count: usize) -> Vec<End> {
     let ports = march_output_ports();
     let column = |name: &str| &out[ports.iter().position(|p| p.name == name).expect("a port of the march")];
     let (t, status, steps) = (column("t"), column("status"), column("steps"));
-    let (iterations, nan) = (column("iterations"), column("nan"));
+    let (iterations, nan, last_de) = (column("iterations"), column("nan"), column("last_de"));
     let end = |i: usize| End {
         status: Status::from_code(status[i]),
+        undecided: is_undecided(last_de[i], steps[i], Status::from_code(status[i])),
         t: t[i],
         estimates: steps[i] as u64,
         iterations: iterations[i] as u64,
@@ -181,6 +188,7 @@ impl Truths {
                 continue;
             }
             judged.unfinished += usize::from(end.status == Status::Unfinished);
+            judged.undecided += usize::from(end.undecided);
             stops += usize::from(end.depth().is_some());
             if self.is_early(i, end) {
                 match self.is_member_near(self.rays[i], end.t) {
@@ -191,6 +199,7 @@ impl Truths {
             let Some(truth) = self.depths[i].depth() else { continue };
             let error = end.depth().map_or(f64::INFINITY, |t| (t - truth) / self.scale.footprint(truth));
             missed[usize::from(self.thick[i])] += usize::from(error > BEHIND_FOOTPRINTS);
+            judged.disproven += usize::from(error > BEHIND_FOOTPRINTS && !end.undecided);
             errors.push(error.abs());
         }
         let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
