@@ -251,7 +251,10 @@ impl Measured {
         print_judgement(&judged, out)?;
         if self.is_proof() {
             let Judgement { undecided, disproven, .. } = judged;
-            writeln!(out, "  undecided  {undecided:6}   rays crossed something unproven; hits passed by the others: {disproven}")?;
+            writeln!(
+                out,
+                "  undecided  {undecided:6}   rays crossed something unproven; hits passed by the others: {disproven}"
+            )?;
         }
         Ok(())
     }

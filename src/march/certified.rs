@@ -39,6 +39,10 @@ const REST: f64 = 1.02 / (1.0 + AHEAD);
 /// orbits and boxes a sixth more, with 16 it was the other way round, and proofs that reach further than can be proven are
 /// worth less than shorter ones.
 const LEAST: f64 = 8.0;
+/// Steps of its own length that a walk takes before they become longer: the more they are the longer they become.
+const AS_LONG: f64 = 2000.0;
+/// Hit thresholds that a step of the walk is long at most.
+const LONGEST: f64 = 0.5;
 /// What is remembered of a step of the walk, as a share of it; half tells it from a proof.
 const WALKED: f64 = 0.25;
 /// Hit thresholds that a ray may walk unproven up to a hit: a pixel's footprint there.
@@ -71,9 +75,13 @@ pub(super) struct Stretch<'g> {
 impl<'g> Stretch<'g> {
     pub(super) fn new(ray: &Inputs<'g>, settings: &MarchSettings) -> Stretch<'g> {
         let zero = ray.t.lift(0.0);
-        let walk = (ray.hit_eps(settings) * settings.least_step).max(least_gap(ray, settings));
         let bisects = zero.le(ray.t_inside);
         let is_first = ray.t_outside.lt(zero).and(ray.t_inside.lt(zero));
+        // Where nothing is ever proven a walk would not end.
+        let hit_eps = ray.hit_eps(settings);
+        let walked = is_first.select(zero, ray.t - ray.t_front);
+        let longer = (walked * (1.0 / AS_LONG)).min(hit_eps * LONGEST);
+        let walk = (hit_eps * settings.least_step).max(longer).max(least_gap(ray, settings));
         let first = (ray.t_far - ray.t_near) * FIRST;
         let next = ray.last_de.abs().min((ray.t_far - ray.t) * REST);
         let least = walk * LEAST;
