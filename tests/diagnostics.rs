@@ -222,6 +222,12 @@ fn function_with_other_arguments() {
 }
 
 #[test]
+fn rule_with_other_arguments() {
+    let step = format!("fn bend(z, e, p) {{\n    1.0\n}}\n\n{}", step("z"));
+    expect("rule_with_other_arguments", &message("(nodes: { \"a\": mine() })\n", &step));
+}
+
+#[test]
 fn empty_file() {
     graph("empty_file", " \n");
 }

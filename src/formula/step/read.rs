@@ -97,7 +97,25 @@ fn check_functions(ast: &AST, span: Span, has_rule: bool, d: &mut Diagnostics) {
         };
         d.push(Diagnostic::error(message).label(span, "").help("`scalar_rule` is \"exact\" or \"heuristic\""));
     }
+    for (name, arguments) in RULES {
+        let found = ast.iter_functions().filter(|f| f.name == name).map(|f| f.params.join(", ")).next();
+        if let Some(found) = found.filter(|_| !has(name, arguments.split(", ").count())) {
+            let message =
+                format!("a rule for proofs must be `fn {name}({arguments})`, but there is `fn {name}({found})`");
+            d.push(Diagnostic::error(message).label(span, "").help("correct its arguments, or rename what is no rule"));
+        }
+    }
 }
+
+/// The functions that state bounds for proofs, and their arguments.
+const RULES: [(&str, &str); 6] = [
+    ("growth", "z, e, p"),
+    ("stretch", "z, e, p"),
+    ("bend", "z, u, e, p"),
+    ("tube", "z, u, e, w, p"),
+    ("chord", "z, v, l, e, p"),
+    ("pull_back", "t, p"),
+];
 
 fn decode_example(
     value: &Value,
