@@ -267,7 +267,7 @@ fn early_stops_are_counted_by_the_bounding_radius() {
     )
     .unwrap();
     let truths = truths(&formula, 200);
-    let stop = |shift: f64| {
+    let end_at = |shift: f64, undecided: bool| {
         let ends: Vec<_> = truths
             .depths
             .iter()
@@ -281,17 +281,21 @@ fn early_stops_are_counted_by_the_bounding_radius() {
                 estimates: 10,
                 iterations: 20,
                 nan: false,
-                undecided: false,
+                undecided,
             })
             .collect();
         truths.judge(&ends)
     };
+    let stop = |shift: f64| end_at(shift, false);
     assert_eq!((stop(-0.009).early, stop(-0.009).missed), (0.0, 0.0));
     assert_eq!((stop(-0.011).early, stop(-0.011).missed), (1.0, 0.0));
     assert_eq!((stop(0.0).median_error, stop(0.0).estimates, stop(0.0).iterations), (0.0, 10.0, 20.0));
     assert_eq!((stop(0.2).missed, stop(0.2).early), (1.0, 0.0));
     let settled = truths.counts()[0] + truths.counts()[1];
     assert!(settled > 180, "{settled}");
+    // What a march of proofs passed speaks against the proofs, unless it says that it is not sure.
+    assert_eq!((stop(0.2).disproven, stop(0.2).undecided), (truths.counts()[0], 0));
+    assert_eq!((end_at(0.2, true).disproven, end_at(0.2, true).undecided), (0, settled));
 }
 
 #[test]
@@ -338,6 +342,24 @@ fn the_command_prints_a_table_and_json_lines() {
     let hits = lines.iter().filter(|line| line["truth"] == "hit").count();
     assert_eq!(lines[60]["summary"]["hits"], hits);
     assert_eq!(lines[60]["summary"]["exact"]["passed"], 0);
+}
+
+#[test]
+fn proofs_tell_what_they_did_not_decide() {
+    let run = |de: &str, more: &[&str]| {
+        let output = bulbfold(&[&["truth", "chebyshev_turned", "--rays", "60", "--de", de], more].concat());
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let summary = |de: &str| -> serde_json::Value {
+        let text = run(de, &["--json"]);
+        serde_json::from_str(text.lines().last().unwrap()).unwrap()
+    };
+    let of_proofs = summary("certified");
+    assert!(of_proofs["summary"]["undecided"].as_u64().is_some_and(|rays| (10..60).contains(&rays)), "{of_proofs}");
+    assert_eq!(of_proofs["summary"]["disproven"], 0);
+    assert!(summary("scalar")["summary"]["undecided"].is_null());
+    assert!(run("certified", &[]).contains("rays crossed something unproven; hits passed by the others: 0"));
+    assert!(!run("scalar", &[]).contains("unproven"));
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! From a file's value tree to a [`ValidGraph`], reporting everything that is wrong with it.
 
+mod estimate;
+
 use std::collections::HashMap;
 
 use rhai::Scope;
@@ -7,10 +9,7 @@ use rhai::Scope;
 use super::fields::{read_look, read_plane};
 use super::overrides::{Override, apply_override};
 use super::presets::read_presets;
-use super::settings::{
-    CALIBRATED_ROWS, Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Method,
-    NO_ESCAPE, OrbitSettings,
-};
+use super::settings::{Camera, Constant, EndShape, NO_ESCAPE, OrbitSettings};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
 use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
@@ -386,52 +385,6 @@ impl Reader<'_> {
                     .push(Diagnostic::error(message).label(value.span, "").help(format!("constants are: {expected}")));
                 None
             }
-        }
-    }
-
-    fn estimate(&mut self, value: &Value) -> Option<EstimateSettings> {
-        let mut fields = Fields::new(value, "an estimate", self.d)?;
-        let method = self.word_or_auto(&mut fields, "method", &Method::ALL.map(|m| (m.name(), m)));
-        let form = self.word_or_auto(&mut fields, "form", &DeForm::ALL.map(|f| (f.name(), f)));
-        let difference = self.word_or_auto(&mut fields, "difference", &Difference::ALL.map(|x| (x.name(), x)));
-        let radius = fields.optional_value("radius").and_then(|v| self.number(v, 0.0, 1e6));
-        let axis = fields.optional_value("axis").and_then(|v| self.direction(v));
-        let fudge = fields.optional_value("fudge").and_then(|v| self.number(v, 1e-3, 1.0));
-        let step = fields.optional_value("step").and_then(|v| self.difference_step(v));
-        let least_step = fields.optional_value("least_step").and_then(|v| self.number(v, 1e-4, 1.0));
-        let stop_at = fields.optional_value("stop_at").and_then(|v| self.number(v, 1e-3, 100.0));
-        let calibrated = fields.optional_value("calibrated").and_then(|v| self.calibrated(v));
-        fields.finish(self.d);
-        Some(EstimateSettings { method, form, radius, axis, fudge, difference, step, least_step, stop_at, calibrated })
-    }
-
-    /// `true`, or the rows of the picture that was measured.
-    fn calibrated(&mut self, value: &Value) -> Option<u32> {
-        match value.kind {
-            ValueKind::Bool(is_calibrated) => is_calibrated.then_some(CALIBRATED_ROWS),
-            _ => self.number(value, 1.0, 1e5).map(|rows| rows as u32),
-        }
-    }
-
-    /// A field that is one of several words, or `auto`, which is as if it were absent.
-    fn word_or_auto<T: Copy>(
-        &mut self,
-        fields: &mut Fields,
-        name: &'static str,
-        words: &[(&'static str, T)],
-    ) -> Option<T> {
-        let mut words: Vec<(&str, Option<T>)> = words.iter().map(|(word, value)| (*word, Some(*value))).collect();
-        words.push(("auto", None));
-        self.word(fields.optional_value(name)?, name, &words).flatten()
-    }
-
-    /// A length in world units, or `Share(part of the estimate)`.
-    fn difference_step(&mut self, value: &Value) -> Option<DifferenceStep> {
-        match &value.kind {
-            ValueKind::Tuple { name: Some(name), items } if name.text == "Share" && items.len() == 1 => {
-                self.number(&items[0], 1e-9, 1.0).map(DifferenceStep::Share)
-            }
-            _ => self.number(value, 1e-15, 1e6).map(DifferenceStep::Fixed),
         }
     }
 

@@ -271,6 +271,11 @@ pub struct EstimateSettings {
     pub calibrated: Option<u32>,
 }
 
+/// Rows of the picture that `calibrated: true` stands for: the default of `calibrate`, which is that of `render`.
+pub const CALIBRATED_ROWS: u32 = 720;
+/// How many times as fine as those that a choice was measured on pixels may be.
+const FINER: u32 = 2;
+
 impl EstimateSettings {
     /// These settings where they are given, else those of `other`.
     pub fn or(self, other: EstimateSettings) -> EstimateSettings {
@@ -287,14 +292,7 @@ impl EstimateSettings {
             calibrated: self.calibrated.or(other.calibrated),
         }
     }
-}
 
-/// Rows of the picture that `calibrated: true` stands for: the default of `calibrate`, which is that of `render`.
-pub const CALIBRATED_ROWS: u32 = 720;
-/// How many times as fine as those that a choice was measured on pixels may be.
-const FINER: u32 = 2;
-
-impl EstimateSettings {
     /// Whether these are a calibration's outcome that does not hold for pictures of so many rows.
     pub fn is_too_coarse_for(&self, rows: u32) -> bool {
         self.calibrated.is_some_and(|measured| rows > measured.saturating_mul(FINER))

@@ -11,99 +11,27 @@
 //!
 //! [`rules`] says where growth comes from.
 
+mod moved;
 mod rounding;
 mod rules;
 mod thresholds;
 
 use super::field::shape_at;
 use super::levels::Joined;
-use super::maps::condition;
 use super::placement::{Frame, Place};
 use super::{Choice, ComposeResult, Composer, Purpose};
-use crate::expr::differentiate::reachable;
 use crate::expr::enclose::UNBOUNDED;
 use crate::expr::{Expr, Function, Port, Type};
 use crate::formula::step::Traced;
-use crate::graph::{
-    Condition, Constant, EndShape, IterationMap, MapTree, Method, NO_ESCAPE, NodeRef, OrbitSettings, resolve_schedule,
-};
+use crate::graph::{Constant, EndShape, IterationMap, Method, NO_ESCAPE, NodeRef, OrbitSettings, resolve_schedule};
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
-use rules::{Line, RuleInputs, Tangent, step_rule};
+use moved::{Context, Moved};
+use rounding::roundings;
 
 /// Share of a proven step that is taken: the rest is for rounding of the factor itself.
 const MARGIN: f64 = 0.999;
 /// Largest start radius, as a share of the extent of the set.
 const LARGEST_START: f64 = 0.25;
-
-/// How much worse than the factor a segment's bound may be before it starts again: its direction is worth something.
-const KEPT: f64 = 1.1;
-
-/// Where a ball or segment has come to.
-#[derive(Clone, Copy)]
-struct Moved<'g> {
-    /// The centre.
-    z: Expr<'g>,
-    /// Distance from it per distance from the start.
-    l: Expr<'g>,
-    /// Rounding errors.
-    eta: Expr<'g>,
-    /// Of a segment: derivative v by its parameter, and rho.
-    segment: Option<(Expr<'g>, Expr<'g>)>,
-}
-
-impl<'g> Moved<'g> {
-    fn parts(&self, prefix: &str) -> Vec<(String, Expr<'g>)> {
-        let mut parts = vec![("z", self.z), ("l", self.l), ("eta", self.eta)];
-        if let Some((v, rho)) = self.segment {
-            parts.extend([("v", v), ("rho", rho)]);
-        }
-        parts.into_iter().map(|(name, e)| (format!("{prefix}{name}"), e)).collect()
-    }
-
-    /// The same parts as inputs from `first` on; constants stay what they are if `keep` says so.
-    fn as_inputs(&self, first: usize, keep: bool) -> Moved<'g> {
-        let mut next = first as u16;
-        let mut input = |e: Expr<'g>| {
-            if keep && e.as_constant().is_some() {
-                return e;
-            }
-            next += 1;
-            e.arena.input(next - 1, e.ty())
-        };
-        Moved {
-            z: input(self.z),
-            l: input(self.l),
-            eta: input(self.eta),
-            segment: self.segment.map(|(v, rho)| (input(v), input(rho))),
-        }
-    }
-
-    /// The factor is the smaller of its own and the segment's, both being bounds; the segment starts again where it has
-    /// become worse, or is not a number.
-    fn settled(self) -> Moved<'g> {
-        let Some((v, rho)) = self.segment else { return self };
-        let along = v.length() + rho;
-        let kept = along.le(self.l * KEPT);
-        Moved {
-            l: along.lt(self.l).select(along, self.l),
-            segment: Some((kept.select(v, v.lift(0.0)), kept.select(rho, self.l))),
-            ..self
-        }
-    }
-}
-
-/// What all iterations read.
-struct Context<'a, 's> {
-    composer: &'s Composer<'a>,
-    /// The start radius.
-    e0: Expr<'a>,
-    /// The iteration's constant and its factor.
-    c: Expr<'a>,
-    c_l: Expr<'a>,
-    n: Expr<'a>,
-    /// Relative error of one operation.
-    unit: f64,
-}
 
 /// Builds the certified orbit of a node; `purpose` is to march or to probe.
 pub(super) fn compose_certified(
@@ -349,7 +277,8 @@ impl<'a> Builder<'a> {
             end = context.apply(&maps[0].map, end)?.settled();
         }
         let f = shape_at(self.composer, field, end.z, n)?;
-        let rounded = reachable(arena, &[f.id]).len() as f64 * 4.0 * self.choice.unit;
+        // Shapes are differences of lengths, so their terms may be longer than they are.
+        let rounded = roundings(f) * 4.0 * self.choice.unit;
         let sure = f.abs() - end.eta - (end.z.length() + 1.0) * rounded;
         let known = end.l.lt(arena.f(UNBOUNDED)).and(f.abs().lt(arena.f(UNBOUNDED)));
         let proven = known.select(sure / end.l.max(arena.f(1e-30)), zero).max(zero);
@@ -385,121 +314,5 @@ impl<'a> Builder<'a> {
         let proven = room / factor.max(arena.f(1e-30));
         let known = moved.l.lt(arena.f(UNBOUNDED)).and(r.lt(arena.f(UNBOUNDED)));
         known.and(s.lt(proven)).select(proven, s)
-    }
-}
-
-impl<'a> Context<'a, '_> {
-    /// The image of what is settled; it is not settled itself, since a constant may follow.
-    fn apply(&self, map: &MapTree, input: Moved<'a>) -> ComposeResult<Moved<'a>> {
-        match map {
-            MapTree::Identity => Ok(input),
-            MapTree::Step(node) => self.step(*node, input),
-            MapTree::Sequence(parts) => self.in_turn(parts.iter(), input),
-            MapTree::Repeat(of, times) => self.in_turn(std::iter::repeat_n(&**of, *times as usize), input),
-            MapTree::Blend(a, b, weight) => {
-                let (a, b) = (self.apply(a, input)?.settled(), self.apply(b, input)?.settled());
-                let (x, y) = (1.0 - weight, *weight);
-                let sum = |a: Expr<'a>, b: Expr<'a>| a * x.abs() + b * y.abs();
-                let segment = a.segment.zip(b.segment);
-                Ok(Moved {
-                    z: a.z * x + b.z * y,
-                    l: sum(a.l, b.l),
-                    eta: sum(a.eta, b.eta),
-                    segment: segment.map(|((va, ra), (vb, rb))| (va * x + vb * y, sum(ra, rb))),
-                })
-            }
-            MapTree::Choose(when, then, otherwise) => {
-                let branches = (self.apply(then, input)?.settled(), self.apply(otherwise, input)?.settled());
-                Ok(self.choose(*when, input, branches))
-            }
-        }
-    }
-
-    fn in_turn<'m>(&self, mut maps: impl Iterator<Item = &'m MapTree>, input: Moved<'a>) -> ComposeResult<Moved<'a>> {
-        let Some(first) = maps.next() else { return Ok(input) };
-        let moved = self.apply(first, input)?;
-        maps.try_fold(moved, |moved, map| self.apply(map, moved.settled()))
-    }
-
-    fn radius(&self, moved: &Moved<'a>) -> Expr<'a> {
-        moved.l * self.e0 + moved.eta
-    }
-
-    /// The segment and the tube around it that holds all images, rounding errors included.
-    fn line(&self, moved: &Moved<'a>) -> Option<Line<'a>> {
-        let (v, rho) = moved.segment?;
-        let speed = v.length();
-        let unit = v * (1.0 / speed.max(v.arena.f(1e-30)));
-        Some(Line { v, unit, reach: speed * self.e0, tube: rho * self.e0 + moved.eta })
-    }
-
-    fn step(&self, node: NodeRef, input: Moved<'a>) -> ComposeResult<Moved<'a>> {
-        let inputs = RuleInputs {
-            z: input.z,
-            e: self.radius(&input),
-            c: self.c,
-            e_c: self.c_l * self.e0,
-            line: self.line(&input),
-            l: input.l,
-            n: self.n,
-        };
-        let Some(rule) = step_rule(self.composer, node, inputs)? else { return Ok(input) };
-        let by_constant = rule.by_constant.map(|factor| factor * self.c_l);
-        let l = rule.growth * input.l;
-        // Those of a segment grow by what bounds its remainder.
-        let of_rounding = match rule.tangent {
-            Some(Tangent::Within(..) | Tangent::Chord(..)) => rule.stretch,
-            _ => rule.growth,
-        };
-        // The sum of the coordinates is no shorter than the image.
-        let size = rule.image.abs().dot(rule.image.lift(1.0));
-        let rounding = size * (self.unit * rule.roundings);
-        let moved = Moved {
-            z: rule.image,
-            l: by_constant.map_or(l, |more| l + more),
-            eta: of_rounding * input.eta + rounding,
-            segment: None,
-        };
-        let segment = input.segment.map(|(v, rho)| match rule.tangent {
-            Some(Tangent::Within(middle, radius)) => (middle, rule.stretch * rho + radius),
-            // Taylor along the segment, then across to the point.
-            Some(Tangent::Bending(along, bend, within)) => (along, within * rho + bend * v.dot(v) * self.e0 * 0.5),
-            Some(Tangent::Chord(middle, radius, factor)) => (middle, factor * rho + radius),
-            // Worse than the factor, so it starts again.
-            None => (v.lift(0.0), moved.l),
-        });
-        Ok(Moved { segment, ..moved })
-    }
-
-    /// The union of both branches where the condition is not decided over the ball. The other branch's distance from the
-    /// centre's image is a jump that starts where the ball first meets the border, so it counts per length from there.
-    fn choose(&self, when: Condition, input: Moved<'a>, (then, otherwise): (Moved<'a>, Moved<'a>)) -> Moved<'a> {
-        let arena = self.composer.arena;
-        let holds = condition(when, input.z);
-        let pick = |a: Expr<'a>, b: Expr<'a>| holds.select(a, b);
-        let margin = match when {
-            Condition::RadiusBelow(limit) | Condition::RadiusAbove(limit) => (input.z.length() - limit).abs(),
-            Condition::Negative(axis) | Condition::Positive(axis) => {
-                input.z.component(axis.min(input.z.ty().width - 1)).abs()
-            }
-            // Conditions on the iteration number were decided by the schedule.
-            Condition::IterationBelow(_) | Condition::IterationEvery(_) => arena.f(UNBOUNDED),
-        };
-        let decided = self.radius(&input).lt(margin);
-        let (l, other_l) = (pick(then.l, otherwise.l), pick(otherwise.l, then.l));
-        let room = margin - input.eta;
-        let jump = (then.z - otherwise.z).length() * input.l / room;
-        let jump = arena.f(0.0).lt(room).select(jump, arena.f(UNBOUNDED));
-        let union = l.max(other_l + jump);
-        let segment = then.segment.zip(otherwise.segment).map(|((va, ra), (vb, rb))| {
-            let v = pick(va, vb);
-            (decided.select(v, v.lift(0.0)), decided.select(pick(ra, rb), union))
-        });
-        Moved {
-            z: pick(then.z, otherwise.z),
-            l: decided.select(l, union),
-            eta: decided.select(pick(then.eta, otherwise.eta), then.eta.max(otherwise.eta)),
-            segment,
-        }
     }
 }

@@ -74,15 +74,22 @@ pub(super) struct RuleInputs<'g> {
 pub(super) struct Line<'g> {
     /// Direction by the start's parameter.
     pub(super) v: Expr<'g>,
-    /// The same of length 1; 0 where v is.
+    /// The same of length 1, as the step sees it; 0 where v is.
     pub(super) unit: Expr<'g>,
-    /// How far it goes to both sides.
+    /// How far it goes to both sides, as the step sees it.
     pub(super) reach: Expr<'g>,
     /// Radius of the tube.
     pub(super) tube: Expr<'g>,
 }
 
 impl<'g> Line<'g> {
+    /// What a step sees of it that leaves w alone.
+    fn in_space(self) -> Line<'g> {
+        let seen = self.unit.xyz();
+        let share = seen.length();
+        Line { unit: seen * (1.0 / share.max(share.lift(1e-30))), reach: self.reach * share, ..self }
+    }
+
     fn parts(&self) -> [Expr<'g>; 4] {
         [self.v, self.unit, self.reach, self.tube]
     }
@@ -103,6 +110,8 @@ pub(super) fn step_rule<'a>(
     let arena = composer.arena;
     let input = |i: u16, ty: Type| arena.input(PLACEHOLDERS + i, ty);
     let (wide, number) = (inputs.z.ty(), Type::F);
+    let is_narrow = step.state == StateWidth::Three && wide.width == 4;
+    let line = inputs.line.map(|line| if is_narrow { line.in_space() } else { line });
     // A constant that is known is used as it is.
     let c = if inputs.c.as_constant().is_some() { inputs.c } else { input(1, wide) };
     let symbols = RuleInputs {
@@ -110,9 +119,9 @@ pub(super) fn step_rule<'a>(
         e: input(2, number),
         c,
         e_c: input(3, number),
-        line: inputs.line.map(|_| Line {
+        line: line.map(|line| Line {
             v: input(4, wide),
-            unit: input(6, wide),
+            unit: input(6, line.unit.ty()),
             reach: input(7, number),
             tube: input(8, number),
         }),
@@ -128,7 +137,7 @@ pub(super) fn step_rule<'a>(
     if inputs.c.as_constant().is_none() {
         places.push((symbols.c, inputs.c));
     }
-    if let (Some(symbols), Some(line)) = (symbols.line, inputs.line) {
+    if let (Some(symbols), Some(line)) = (symbols.line, line) {
         places.extend(symbols.parts().into_iter().zip(line.parts()));
     }
     let mut roots = vec![rule.image, rule.growth, rule.stretch];

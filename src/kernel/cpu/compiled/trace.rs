@@ -285,20 +285,6 @@ impl<'a> Traced<'a> {
         self.value == Self::splat(self.recorder, x).value
     }
 
-    /// True for `-|x| - 1`: the root of that is how formulas write what is not a number.
-    fn is_negative(self) -> bool {
-        let of = |value: Value| self.recorder.operation(value);
-        match of(self.value) {
-            Operation::Binary(Binary::Sub, a, b) => match of(a) {
-                Operation::Unary(Unary::Neg, x) => {
-                    matches!(of(x), Operation::Unary(Unary::Abs, _)) && Self { value: b, ..self }.is(1.0)
-                }
-                _ => false,
-            },
-            _ => false,
-        }
-    }
-
     /// The value without its sign change, and whether it had one.
     fn without_sign(self) -> (Value, bool) {
         match self.recorder.operation(self.value) {
@@ -364,10 +350,7 @@ impl<'a> Real for Traced<'a> {
     }
 
     fn sqrt(self) -> Self {
-        match self.is_negative() {
-            true => Self::splat(self.recorder, -f64::NAN),
-            false => self.unary(Unary::Sqrt),
-        }
+        self.unary(Unary::Sqrt)
     }
 
     fn floor(self) -> Self {
