@@ -375,3 +375,33 @@ fn complex_numbers_meet_before_they_meet_vectors() {
     let expected = [re, -im, 2.0 * re + 3.0 * im, im, re, 2.0 * im - 3.0 * re];
     assert_eq!(result.concat(), expected);
 }
+
+#[test]
+fn pictures_are_encoded_as_srgb_says() {
+    let arena = Arena::default();
+    let kernel = Kernel::Map(bulbfold::shade::compose_encode(&arena));
+    let linear: Vec<f64> =
+        (-10..=2100).map(|i| f64::from(i) / 2000.0).chain([f64::NAN, 1e-7, 0.0031308, 0.00314]).collect();
+    let columns = [linear.clone(), linear.clone(), linear.clone()];
+    for target in Backends::cpu_only().targets() {
+        let encoded = Backends::cpu_only().run(target, &arena, &kernel, &columns).unwrap();
+        for (&x, &srgb) in linear.iter().zip(&encoded[0]).filter(|(x, _)| !x.is_nan()) {
+            let x = x.clamp(0.0, 1.0);
+            let wanted = if x <= 0.0031308 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+            assert!((srgb - wanted).abs() < 4e-6, "{target:?}: {x} became {srgb} and not {wanted}");
+        }
+        assert_eq!(encoded[0].last(), encoded[2].last(), "all components alike");
+    }
+}
+
+#[test]
+fn bytes_are_rounded_to_the_nearest() {
+    use bulbfold::film::srgb_byte;
+    for byte in 0..=255_u8 {
+        let value = f64::from(byte) / 255.0;
+        assert_eq!(srgb_byte(value), byte);
+        assert_eq!(srgb_byte(value + 0.499 / 255.0), byte);
+        assert_eq!(srgb_byte(value - 0.499 / 255.0), byte);
+    }
+    assert_eq!([srgb_byte(-1.0), srgb_byte(0.5), srgb_byte(1e9), srgb_byte(f64::NAN)], [0, 128, 255, 0]);
+}

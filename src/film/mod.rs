@@ -91,7 +91,9 @@ impl Image {
 
 /// The byte of an sRGB value between 0 and 1; what is outside takes the end, NaN is 0.
 pub fn srgb_byte(value: f64) -> u8 {
-    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+    // Numbers from here on are whole, so that the sum is rounded to one, and that has the last bits.
+    const WHOLE: f64 = (1_u64 << 52) as f64;
+    (value.max(0.0).min(1.0) * 255.0 + WHOLE).to_bits() as u8
 }
 
 /// A temporary name in the same folder.

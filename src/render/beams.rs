@@ -12,7 +12,7 @@ use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::{MarchSettings, beam_plan, compose_beam_march};
 use crate::shade::{self, pixel_radius};
 
-/// Edges of tiles in pixels; each is a multiple of the next.
+/// Edges of tiles in pixels: powers of two, falling.
 const EDGES: [u32; 5] = [32, 8, 4, 2, 1];
 /// Rays along the edge of a tile that pay for its beam.
 const ENOUGH: u32 = 4;
@@ -103,24 +103,25 @@ struct Tiles {
 impl Tiles {
     fn around(items: &[(u32, u32)], edge: u32) -> Tiles {
         // A grid over the part of the picture that has items holds one more than each tile's number.
-        let ends = |of: fn(&(u32, u32)) -> u32| {
-            let all = items.iter().map(of);
-            (all.clone().min().unwrap_or(0) / edge, all.max().unwrap_or(0) / edge)
-        };
-        let ((left, right), (top, bottom)) = (ends(|item| item.0), ends(|item| item.1));
-        let width = (right - left + 1) as usize;
-        let mut numbers = vec![0_u32; width * (bottom - top + 1) as usize];
+        let shift = edge.trailing_zeros();
+        let tile = |&(x, y): &(u32, u32)| (x >> shift, y >> shift);
+        let (mut low, mut high) = ((u32::MAX, u32::MAX), (0, 0));
+        for (x, y) in items.iter().map(tile) {
+            low = (low.0.min(x), low.1.min(y));
+            high = (high.0.max(x), high.1.max(y));
+        }
+        let width = (high.0 + 1).saturating_sub(low.0) as usize;
+        let mut numbers = vec![0_u32; width * (high.1 + 1).saturating_sub(low.1) as usize];
         let mut corners = Vec::new();
-        let mut number = |(x, y): &(u32, u32)| {
-            let (column, row) = (x / edge, y / edge);
-            let number = &mut numbers[(row - top) as usize * width + (column - left) as usize];
+        let mut number = |(column, row): (u32, u32)| {
+            let number = &mut numbers[(row - low.1) as usize * width + (column - low.0) as usize];
             if *number == 0 {
-                corners.push((column * edge, row * edge));
+                corners.push((column << shift, row << shift));
                 *number = corners.len() as u32;
             }
             *number - 1
         };
-        let of = items.iter().map(&mut number).collect();
+        let of = items.iter().map(|item| number(tile(item))).collect();
         Tiles { corners, of }
     }
 }

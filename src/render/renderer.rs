@@ -154,7 +154,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
     /// Marches the centres of pixels and gives, for each, its depth `t` where it hits.
     pub fn depths(&mut self, pixels: &[(u32, u32)]) -> Result<Vec<Option<f64>>, BackendError> {
         let starts = self.starts(pixels, &mut Stats::default())?;
-        let rays = self.rays(points(pixels, &[[0.5; 2]]), starts)?;
+        let rays = self.rays(Points { pixels, offsets: &[[0.5; 2]] }.all_columns(), starts)?;
         let hits = self.backend.run(&self.march, &[&rays])?;
         let columns = self.backend.download_only(&hits, &["t", "status"].map(column))?;
         let depth = |(&t, &status): (&f64, &f64)| (Status::from_code(status) == Status::Hit).then_some(t);
@@ -168,7 +168,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         if self.beams.is_some() {
             samples.iter_mut().zip(&starts).for_each(|(sample, &start)| sample.start = start);
         }
-        for part in self.sample(points(pixels, &self.samples[..1]), starts, stats)? {
+        for part in self.sample(Points { pixels, offsets: &self.samples[..1] }, starts, stats)? {
             timed(&mut stats.shade, || {
                 let srgb = self.encode(&part.colours)?;
                 part.each(srgb, |i, srgb| samples[i].srgb = srgb);
@@ -188,7 +188,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
     pub(super) fn first_colours(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<[u8; 3]>, BackendError> {
         let starts = self.starts(pixels, stats)?;
         let mut all = vec![[0; 3]; pixels.len()];
-        for part in self.sample(points(pixels, &self.samples[..1]), starts, stats)? {
+        for part in self.sample(Points { pixels, offsets: &self.samples[..1] }, starts, stats)? {
             let colours = timed(&mut stats.shade, || self.encode(&part.colours))?;
             part.each(colours, |i, srgb| all[i] = srgb);
         }
@@ -205,8 +205,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let others = &self.samples[1..];
         let starts = firsts.iter().filter(|_| self.beams.is_some());
         let starts: Vec<f64> = starts.flat_map(|first| std::iter::repeat_n(first.start, others.len())).collect();
-        let points = points(pixels, others);
-        let mut colours = vec![vec![0.0; points[0].len()]; 3];
+        let points = Points { pixels, offsets: others };
+        let mut colours = vec![vec![0.0; points.count()]; 3];
         for part in self.sample(points, starts, stats)? {
             let found = timed(&mut stats.shade, || self.backend.download(&part.colours))?;
             for (all, found) in colours.iter_mut().zip(&found) {
@@ -244,27 +244,29 @@ impl<'b, B: Backend> Renderer<'b, B> {
     /// Linear colours at points of the picture: of those where beams found nothing, and of the others.
     fn sample(
         &self,
-        points: [Vec<f64>; 2],
+        points: Points,
         starts: Vec<f64>,
         stats: &mut Stats,
     ) -> Result<Vec<Part<B::Columns>>, BackendError> {
-        let Some(beams) = &self.beams else { return Ok(vec![self.marched(points, starts, None, stats)?]) };
+        let Some(beams) = &self.beams else {
+            return Ok(vec![self.marched(points.all_columns(), starts, None, stats)?]);
+        };
         let numbers = 0..starts.len() as u32;
         let (empty, others): (Vec<u32>, Vec<u32>) = numbers.partition(|&i| starts[i as usize] >= NOTHING);
         if empty.is_empty() {
-            return Ok(vec![self.marched(points, starts, None, stats)?]);
+            return Ok(vec![self.marched(points.all_columns(), starts, None, stats)?]);
         }
-        let pick = |column: &[f64], numbers: &[u32]| numbers.iter().map(|&i| column[i as usize]).collect::<Vec<f64>>();
-        let at = |numbers: &[u32]| [pick(&points[0], numbers), pick(&points[1], numbers)];
         let mut parts = Vec::new();
         stats.rays += empty.len() as u64;
         timed(&mut stats.shade, || {
-            let colours = self.backend.run(&beams.background, &[&self.backend.upload(&at(&empty))?])?;
+            let points = self.backend.upload(&points.columns(empty.iter().copied()))?;
+            let colours = self.backend.run(&beams.background, &[&points])?;
             parts.push(Part { numbers: Some(empty), colours, status: None });
             Ok(())
         })?;
         if !others.is_empty() {
-            parts.push(self.marched(at(&others), pick(&starts, &others), Some(others), stats)?);
+            let starts = others.iter().map(|&i| starts[i as usize]).collect();
+            parts.push(self.marched(points.columns(others.iter().copied()), starts, Some(others), stats)?);
         }
         Ok(parts)
     }
@@ -305,17 +307,37 @@ impl<'b, B: Backend> Renderer<'b, B> {
     /// Linear colours as bytes of sRGB; NaN is black.
     fn encode(&self, linear: &B::Columns) -> Result<Vec<[u8; 3]>, BackendError> {
         let columns = self.backend.download(&self.backend.run(&self.encode, &[linear])?)?;
-        Ok((0..columns[0].len()).map(|i| [0, 1, 2].map(|k| srgb_byte(columns[k][i]))).collect())
+        let bytes = [0, 1, 2].map(|k| columns[k].iter().map(|&value| srgb_byte(value)).collect::<Vec<u8>>());
+        let [red, green, blue] = &bytes;
+        Ok(red.iter().zip(green).zip(blue).map(|((&red, &green), &blue)| [red, green, blue]).collect())
     }
 }
 
-/// Points of the picture at offsets in each pixel, as columns of x and y. Those of a pixel are neighbours, so they are
-/// marched together.
-fn points(pixels: &[(u32, u32)], offsets: &[[f64; 2]]) -> [Vec<f64>; 2] {
-    let column = |of: fn(&(u32, u32)) -> u32, k: usize| {
-        pixels.iter().flat_map(|pixel| offsets.iter().map(move |offset| f64::from(of(pixel)) + offset[k])).collect()
-    };
-    [column(|p| p.0, 0), column(|p| p.1, 1)]
+/// Points of the picture at offsets in each pixel; those of a pixel are neighbours, so they are marched together.
+#[derive(Clone, Copy)]
+struct Points<'a> {
+    pixels: &'a [(u32, u32)],
+    offsets: &'a [[f64; 2]],
+}
+
+impl Points<'_> {
+    fn count(&self) -> usize {
+        self.pixels.len() * self.offsets.len()
+    }
+
+    /// Columns of x and y of the points with these numbers.
+    fn columns(&self, numbers: impl Iterator<Item = u32> + Clone) -> [Vec<f64>; 2] {
+        let each = self.offsets.len() as u32;
+        let column = |of: fn(&(u32, u32)) -> u32, k: usize| {
+            let at = |i: u32| f64::from(of(&self.pixels[(i / each) as usize])) + self.offsets[(i % each) as usize][k];
+            numbers.clone().map(at).collect()
+        };
+        [column(|p| p.0, 0), column(|p| p.1, 1)]
+    }
+
+    fn all_columns(&self) -> [Vec<f64>; 2] {
+        self.columns(0..self.count() as u32)
+    }
 }
 
 /// Where the samples of a pixel lie in it: on a grid with this many on an edge, the one nearest to the centre first.

@@ -114,17 +114,20 @@ pub(super) fn march_pack<R: Machine + Pack, const K: usize>(
     (at..end).filter(|&i| !rays.is_running(i)).count()
 }
 
-/// State and counters of a ray at its near end: -1 marks what no estimate has said yet. A ray whose range is empty has
-/// missed before it starts.
-pub(super) fn start_of<T: Copy + PartialOrd>(
-    inputs: &[&[T]],
-    ray: usize,
-    scalar: impl Fn(f64) -> T,
-) -> [T; COLUMNS - RAY] {
-    let (near, far) = (inputs[RAY - 2][ray], inputs[RAY - 1][ray]);
-    let (zero, unknown) = (scalar(0.0), scalar(-1.0));
-    let status = if near < far { zero } else { scalar(Status::Miss.code()) };
-    [near, near, unknown, unknown, unknown, status, zero, zero, zero]
+/// Puts rays at their near end: state and counters, column by column. -1 marks what no estimate has said yet. A ray whose
+/// range is empty has missed before it starts.
+pub(super) fn start<T: Copy + PartialOrd>(inputs: &[&[T]], columns: &mut [&mut [T]], scalar: impl Fn(f64) -> T) {
+    let (near, far) = (inputs[RAY - 2], inputs[RAY - 1]);
+    let [zero, unknown, miss] = [0.0, -1.0, Status::Miss.code()].map(scalar);
+    let (state, counters) = columns.split_at_mut(STATE);
+    let [t, t_front, others @ .., status] = state else { unreachable!("a march's state has these columns") };
+    t.copy_from_slice(near);
+    t_front.copy_from_slice(near);
+    others.iter_mut().for_each(|column| column.fill(unknown));
+    for ((status, near), far) in status.iter_mut().zip(near).zip(far) {
+        *status = if near < far { zero } else { miss };
+    }
+    counters.iter_mut().for_each(|column| column.fill(zero));
 }
 
 impl<T: Copy + PartialOrd + Into<f64>> Rays<T> {
@@ -132,11 +135,9 @@ impl<T: Copy + PartialOrd + Into<f64>> Rays<T> {
     pub(super) fn start(inputs: &[&[T]], scalar: impl Fn(f64) -> T) -> Rays<T> {
         let len = inputs[0].len();
         let mut columns: Vec<Vec<T>> = inputs.iter().map(|column| column.to_vec()).collect();
-        columns.resize_with(COLUMNS, || Vec::with_capacity(len));
-        for ray in 0..len {
-            let state = start_of(inputs, ray, &scalar);
-            columns[RAY..].iter_mut().zip(state).for_each(|(column, value)| column.push(value));
-        }
+        columns.resize_with(COLUMNS, || vec![scalar(0.0); len]);
+        let mut state: Vec<&mut [T]> = columns[RAY..].iter_mut().map(Vec::as_mut_slice).collect();
+        start(inputs, &mut state, scalar);
         Rays { columns, ids: (0..len as u32).collect() }
     }
 

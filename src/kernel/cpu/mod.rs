@@ -4,6 +4,7 @@
 //!
 //! The loops here (iterate, march) have twins of the same names in `shaders/`; everything straight-line is a tape.
 
+mod columns;
 #[cfg(target_arch = "x86_64")]
 mod compiled;
 mod estimate;
@@ -14,6 +15,8 @@ mod tapes;
 use fearless_simd::{Level, Simd, SimdBase, dispatch};
 use rayon::prelude::*;
 
+pub use self::columns::CpuColumns;
+use self::columns::{Columns, Number};
 #[cfg(target_arch = "x86_64")]
 use self::compiled::InstructionSet;
 use self::estimate::{run_estimates, run_map};
@@ -55,15 +58,6 @@ pub struct CpuKernel {
     compiled: Option<compiled::Compiled>,
     inputs: usize,
     outputs: usize,
-}
-
-/// Columns in memory, in the precision that the back end computes in.
-#[derive(Clone, Debug)]
-pub enum CpuColumns {
-    /// Single precision.
-    F32(Vec<Vec<f32>>),
-    /// Double precision.
-    F64(Vec<Vec<f64>>),
 }
 
 impl Cpu {
@@ -180,8 +174,8 @@ impl Backend for Cpu {
 
     fn upload(&self, columns: &[Vec<f64>]) -> Result<CpuColumns, BackendError> {
         Ok(match self.precision {
-            Precision::F64 => CpuColumns::F64(columns.to_vec()),
-            Precision::F32 => CpuColumns::F32(columns.iter().map(|c| c.iter().map(|&x| x as f32).collect()).collect()),
+            Precision::F64 => CpuColumns::F64(Columns::from_f64(columns, |x| x)),
+            Precision::F32 => CpuColumns::F32(Columns::from_f64(columns, |x| x as f32)),
         })
     }
 
@@ -220,48 +214,18 @@ impl Backend for Cpu {
     }
 }
 
-impl CpuColumns {
-    fn count(&self) -> usize {
-        match self {
-            CpuColumns::F32(columns) => columns.len(),
-            CpuColumns::F64(columns) => columns.len(),
-        }
-    }
-
-    fn in_f64(&self, number: usize) -> Vec<f64> {
-        match self {
-            CpuColumns::F32(columns) => columns[number].iter().map(|&x| f64::from(x)).collect(),
-            CpuColumns::F64(columns) => columns[number].clone(),
-        }
-    }
-
-    fn f32s(&self) -> Vec<&[f32]> {
-        match self {
-            CpuColumns::F32(columns) => columns.iter().map(Vec::as_slice).collect(),
-            CpuColumns::F64(_) => Vec::new(),
-        }
-    }
-
-    fn f64s(&self) -> Vec<&[f64]> {
-        match self {
-            CpuColumns::F64(columns) => columns.iter().map(Vec::as_slice).collect(),
-            CpuColumns::F32(_) => Vec::new(),
-        }
-    }
-}
-
 /// Cuts the columns into groups and runs each.
-fn run_parallel<T: Copy + Default + Send + Sync>(
+fn run_parallel<T: Number + Sync>(
     kernel: &CpuKernel,
     inputs: &[&[T]],
     run: impl Fn(&CpuKernel, &[&[T]], &mut [&mut [T]]) + Sync,
-) -> Vec<Vec<T>> {
+) -> Columns<T> {
     assert_eq!(inputs.len(), kernel.inputs, "columns must match the kernel's inputs");
     let len = inputs.first().map_or(0, |c| c.len());
-    let mut columns = vec![vec![T::default(); len]; kernel.outputs];
+    let mut columns = Columns::new(kernel.outputs, len);
     // The parts of all columns that belong to one group.
     let mut groups: Vec<Vec<&mut [T]>> = (0..len.div_ceil(GROUP)).map(|_| Vec::new()).collect();
-    for column in &mut columns {
+    for column in columns.each_mut() {
         groups.iter_mut().zip(column.chunks_mut(GROUP)).for_each(|(group, part)| group.push(part));
     }
     groups.into_par_iter().enumerate().for_each(|(number, mut outputs)| {

@@ -13,6 +13,7 @@ mod emit;
 mod instructions;
 mod kernels;
 mod kit;
+mod march;
 mod segment;
 mod trace;
 
@@ -23,9 +24,7 @@ pub(super) use self::copies::COPIES;
 use self::copies::MOST_COPIES;
 pub(super) use self::instructions::InstructionSet;
 pub(super) use self::kernels::compile;
-use crate::kernel::Status;
 use crate::kernel::cpu::Precision;
-use crate::kernel::cpu::march::{RAY, STATUS, STEPS, start_of};
 
 /// A kernel as machine code.
 #[derive(Clone)]
@@ -78,6 +77,17 @@ impl<T: Element, const LANES: usize> Frame<T, LANES> {
         unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.vectors) }
     }
 
+    /// The columns from the vector `first` on. `K` are the vectors in step.
+    fn columns<const K: usize>(&mut self, first: usize) -> &mut [[[T; LANES]; K]] {
+        assert_eq!(K, self.copies);
+        self.vectors()[first..].as_chunks_mut().0
+    }
+
+    /// The numbers of these columns: those of the first column in all lanes, then those of the next.
+    fn numbers(&mut self, first: usize) -> &mut [T] {
+        self.vectors()[first..].as_flattened_mut()
+    }
+
     /// One lane of the column that is number `column` of those from the vector `first` on.
     fn lane(&mut self, first: usize, column: usize, lane: usize) -> &mut T {
         let vector = first + column * self.copies + lane / LANES;
@@ -114,7 +124,7 @@ impl Compiled {
         assert_eq!(size_of::<[T; LANES]>(), self.set.bytes());
         let mut frame = Frame::new(self.slots, self.copies);
         match self.columns.max_march_steps {
-            Some(limit) => self.march::<T, LANES>(&mut frame, limit, inputs, outputs),
+            Some(limit) => self.march::<T, LANES, K>(&mut frame, limit, inputs, outputs),
             None => self.map::<T, LANES, K>(&mut frame, inputs, outputs),
         }
     }
@@ -161,51 +171,6 @@ impl Compiled {
         self.call(frame, 0);
         for (i, column) in outputs.iter_mut().enumerate() {
             (at..len).for_each(|j| column[j] = *frame.lane(*first_output, i, j - at));
-        }
-    }
-
-    /// Marches rays; each that is done makes room for the next.
-    fn march<T: Element, const LANES: usize>(
-        &self,
-        frame: &mut Frame<T, LANES>,
-        limit: f64,
-        inputs: &[&[T]],
-        outputs: &mut [&mut [T]],
-    ) {
-        let first = self.columns.inputs;
-        let mut waiting = 0..inputs[0].len();
-        let mut rays = vec![None; frame.lanes()];
-        (0..rays.len()).for_each(|lane| *frame.lane(first, STATUS, lane) = T::from_f64(Status::Miss.code()));
-        // With fewer lanes running than this, finished rays make room for others.
-        let enough = (frame.lanes() * 15 / 16) as u32;
-        loop {
-            for (lane, ray) in rays.iter_mut().enumerate() {
-                let (status, steps): (f64, f64) =
-                    ((*frame.lane(first, STATUS, lane)).into(), (*frame.lane(first, STEPS, lane)).into());
-                if status == 0.0 && steps < limit {
-                    continue;
-                }
-                if let Some(ray) = ray.take() {
-                    for (i, output) in outputs.iter_mut().enumerate() {
-                        output[ray] = *frame.lane(first, RAY + i, lane);
-                    }
-                }
-                for next in waiting.by_ref() {
-                    let state = start_of(inputs, next, T::from_f64);
-                    if state[STATUS - RAY] != T::default() {
-                        outputs.iter_mut().zip(state).for_each(|(output, value)| output[next] = value);
-                        continue;
-                    }
-                    *ray = Some(next);
-                    let values = inputs.iter().map(|column| column[next]).chain(state);
-                    values.enumerate().for_each(|(i, value)| *frame.lane(first, i, lane) = value);
-                    break;
-                }
-            }
-            if rays.iter().all(Option::is_none) {
-                break;
-            }
-            self.call(frame, if waiting.is_empty() { 1 } else { enough });
         }
     }
 }

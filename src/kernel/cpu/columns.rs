@@ -1,0 +1,129 @@
+//! Columns of numbers in memory.
+
+use std::cell::RefCell;
+use std::thread::LocalKey;
+
+/// Columns in memory, in the precision that the back end computes in.
+#[derive(Clone, Debug)]
+pub enum CpuColumns {
+    /// Single precision.
+    F32(Columns<f32>),
+    /// Double precision.
+    F64(Columns<f64>),
+}
+
+/// Columns of one length, one behind the other.
+#[derive(Clone, Debug)]
+pub struct Columns<T: Number> {
+    numbers: Vec<T>,
+    count: usize,
+    len: usize,
+}
+
+/// Numbers of columns.
+pub trait Number: Copy + Default + Send + 'static {
+    /// Memory of columns that this thread no longer needs. It is in the cache, and no page of it is new.
+    fn spare() -> &'static LocalKey<RefCell<Vec<Vec<Self>>>>;
+}
+
+/// Memories that a thread keeps: as many as the kernels of a tile need at the same time.
+const MOST_SPARE: usize = 8;
+/// Most numbers of a memory that is kept.
+const MOST_NUMBERS: usize = 1 << 18;
+
+thread_local! {
+    static SPARE_F32: RefCell<Vec<Vec<f32>>> = const { RefCell::new(Vec::new()) };
+    static SPARE_F64: RefCell<Vec<Vec<f64>>> = const { RefCell::new(Vec::new()) };
+}
+
+impl Number for f32 {
+    fn spare() -> &'static LocalKey<RefCell<Vec<Vec<f32>>>> {
+        &SPARE_F32
+    }
+}
+
+impl Number for f64 {
+    fn spare() -> &'static LocalKey<RefCell<Vec<Vec<f64>>>> {
+        &SPARE_F64
+    }
+}
+
+impl<T: Number> Drop for Columns<T> {
+    fn drop(&mut self) {
+        let numbers = std::mem::take(&mut self.numbers);
+        // A thread that ends has no spare memory any more.
+        let _ = T::spare().try_with(|spare| {
+            let mut spare = spare.borrow_mut();
+            if spare.len() < MOST_SPARE && numbers.capacity() <= MOST_NUMBERS {
+                spare.push(numbers);
+            }
+        });
+    }
+}
+
+impl<T: Number> Columns<T> {
+    /// Columns for results: they hold any numbers.
+    pub(super) fn new(count: usize, len: usize) -> Columns<T> {
+        let mut numbers = T::spare().with(|spare| spare.borrow_mut().pop()).unwrap_or_default();
+        numbers.resize(count * Columns::<T>::stride(len), T::default());
+        Columns { numbers, count, len }
+    }
+
+    pub(super) fn from_f64(columns: &[Vec<f64>], convert: impl Fn(f64) -> T) -> Columns<T> {
+        let mut made = Columns::new(columns.len(), columns.first().map_or(0, Vec::len));
+        for (to, from) in made.each_mut().zip(columns) {
+            to.iter_mut().zip(from).for_each(|(to, &from)| *to = convert(from));
+        }
+        made
+    }
+
+    /// Numbers from the start of a column to that of the next: whole lines of the cache, and one more, since elements of
+    /// columns that lie a power of two apart would all take the same few places in it.
+    fn stride(len: usize) -> usize {
+        let line = 64 / size_of::<T>();
+        (len.div_ceil(line) + 1) * line
+    }
+
+    fn column(&self, number: usize) -> &[T] {
+        &self.numbers[number * Columns::<T>::stride(self.len)..][..self.len]
+    }
+
+    fn each(&self) -> impl Iterator<Item = &[T]> {
+        (0..self.count).map(|number| self.column(number))
+    }
+
+    pub(super) fn each_mut(&mut self) -> impl Iterator<Item = &mut [T]> {
+        let len = self.len;
+        self.numbers.chunks_exact_mut(Columns::<T>::stride(len)).map(move |column| &mut column[..len])
+    }
+}
+
+impl CpuColumns {
+    pub(super) fn count(&self) -> usize {
+        match self {
+            CpuColumns::F32(columns) => columns.count,
+            CpuColumns::F64(columns) => columns.count,
+        }
+    }
+
+    pub(super) fn in_f64(&self, number: usize) -> Vec<f64> {
+        match self {
+            CpuColumns::F32(columns) => columns.column(number).iter().map(|&x| f64::from(x)).collect(),
+            CpuColumns::F64(columns) => columns.column(number).to_vec(),
+        }
+    }
+
+    pub(super) fn f32s(&self) -> Vec<&[f32]> {
+        match self {
+            CpuColumns::F32(columns) => columns.each().collect(),
+            CpuColumns::F64(_) => Vec::new(),
+        }
+    }
+
+    pub(super) fn f64s(&self) -> Vec<&[f64]> {
+        match self {
+            CpuColumns::F64(columns) => columns.each().collect(),
+            CpuColumns::F32(_) => Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! Marches by machine code: which rays have which lanes.
+//!
+//! Neighbours take similar ways, and whole vectors of them go in and out at once. So rays start together, as many as there are
+//! lanes, until half of these are idle. The rays that are left share lanes then: each that is done makes room for the next.
+
+use super::{Compiled, Element, Frame};
+use crate::kernel::Status;
+use crate::kernel::cpu::march::{COLUMNS, RAY, STATUS, STEPS, start};
+
+impl Compiled {
+    /// Marches rays of at most `limit` steps.
+    pub(super) fn march<T: Element, const LANES: usize, const K: usize>(
+        &self,
+        frame: &mut Frame<T, LANES>,
+        limit: f64,
+        inputs: &[&[T]],
+        outputs: &mut [&mut [T]],
+    ) {
+        start(inputs, outputs, T::from_f64);
+        let limit = T::from_f64(limit);
+        let left = self.march_neighbours::<T, LANES, K>(frame, limit, inputs, outputs);
+        self.march_left(frame, limit, Rays::new(inputs, outputs, left));
+    }
+
+    /// Marches neighbours together until half of them are done. Gives the numbers of the rays that are not.
+    fn march_neighbours<T: Element, const LANES: usize, const K: usize>(
+        &self,
+        frame: &mut Frame<T, LANES>,
+        limit: T,
+        inputs: &[&[T]],
+        outputs: &mut [&mut [T]],
+    ) -> Vec<u32> {
+        let (lanes, len) = (LANES * K, inputs[0].len());
+        let enough = lanes / 2 + 1;
+        let mut left = Vec::with_capacity(len);
+        let inputs: Vec<&[[[T; LANES]; K]]> = inputs.iter().map(|column| column.as_chunks().0.as_chunks().0).collect();
+        for at in 0..len / lanes {
+            let first = at * lanes;
+            let states = &outputs[STATUS - RAY][first..][..lanes];
+            let running = states.iter().filter(|status| **status == T::default()).count();
+            if running < enough {
+                let numbers = (first..).zip(states).filter(|(_, status)| **status == T::default());
+                left.extend(numbers.map(|(ray, _)| ray as u32));
+                continue;
+            }
+            let columns = frame.columns::<K>(self.columns.inputs);
+            columns.iter_mut().zip(&inputs).for_each(|(column, input)| *column = input[at]);
+            for (column, output) in columns[RAY..].iter_mut().zip(&*outputs) {
+                *column = output.as_chunks().0.as_chunks().0[at];
+            }
+            self.call(frame, enough as u32);
+            let columns = frame.columns::<K>(self.columns.inputs);
+            for (column, output) in columns[RAY..].iter().zip(&mut *outputs) {
+                output.as_chunks_mut().0.as_chunks_mut().0[at] = *column;
+            }
+            let states = columns[STATUS].as_flattened().iter().zip(columns[STEPS].as_flattened());
+            let states = (first..).zip(states).filter(|(_, (status, steps))| is_running(limit, **status, **steps));
+            left.extend(states.map(|(ray, _)| ray as u32));
+        }
+        let rest = (len / lanes * lanes..len).filter(|&ray| outputs[STATUS - RAY][ray] == T::default());
+        left.extend(rest.map(|ray| ray as u32));
+        left
+    }
+
+    /// Marches rays to their ends.
+    fn march_left<T: Element, const LANES: usize>(&self, frame: &mut Frame<T, LANES>, limit: T, mut rays: Rays<T>) {
+        let lanes = frame.lanes();
+        let mut held: Vec<Option<u32>> = vec![None; lanes];
+        let mut busy = 0;
+        frame.numbers(self.columns.inputs)[STATUS * lanes..][..lanes].fill(T::from_f64(Status::Miss.code()));
+        // With fewer lanes running than this, finished rays make room for others.
+        let enough = (lanes * 15 / 16) as u32;
+        loop {
+            let numbers = frame.numbers(self.columns.inputs);
+            for (lane, held) in held.iter_mut().enumerate() {
+                if is_running(limit, numbers[STATUS * lanes + lane], numbers[STEPS * lanes + lane]) {
+                    continue;
+                }
+                let places = &mut numbers[lane..];
+                if let Some(ray) = held.take() {
+                    rays.put(ray, places, lanes);
+                    busy -= 1;
+                }
+                *held = rays.take(places, lanes);
+                busy += u32::from(held.is_some());
+            }
+            if busy == 0 {
+                break;
+            }
+            self.call(frame, if rays.waiting.len() == 0 { 1 } else { enough });
+        }
+    }
+}
+
+fn is_running<T: Element>(limit: T, status: T, steps: T) -> bool {
+    status == T::default() && steps < limit
+}
+
+/// Rays that go to lanes and come back from there.
+struct Rays<'a, T> {
+    inputs: [&'a [T]; RAY],
+    outputs: [&'a mut [T]; COLUMNS - RAY],
+    waiting: std::vec::IntoIter<u32>,
+}
+
+impl<'a, T: Element> Rays<'a, T> {
+    /// Rays of which those with the numbers `waiting` are not done.
+    fn new(inputs: &[&'a [T]], outputs: &'a mut [&mut [T]], waiting: Vec<u32>) -> Rays<'a, T> {
+        let mut columns = outputs.iter_mut().map(|column| &mut **column);
+        Rays {
+            inputs: inputs.try_into().expect("a march has the columns of a ray"),
+            outputs: std::array::from_fn(|_| columns.next().expect("a march has these results")),
+            waiting: waiting.into_iter(),
+        }
+    }
+
+    /// Writes down how far a ray came in a lane; `places` has its numbers every so many as there are `lanes`.
+    fn put(&mut self, ray: u32, places: &[T], lanes: usize) {
+        for (i, column) in self.outputs.iter_mut().enumerate() {
+            column[ray as usize] = places[(RAY + i) * lanes];
+        }
+    }
+
+    /// Puts the next ray into a lane; nothing where none waits.
+    fn take(&mut self, places: &mut [T], lanes: usize) -> Option<u32> {
+        let ray = self.waiting.next()?;
+        for (i, column) in self.inputs.iter().enumerate() {
+            places[i * lanes] = column[ray as usize];
+        }
+        for (i, column) in self.outputs.iter().enumerate() {
+            places[(RAY + i) * lanes] = column[ray as usize];
+        }
+        Some(ray)
+    }
+}
