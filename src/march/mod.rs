@@ -18,6 +18,7 @@ pub use certified::is_undecided;
 pub use shadow::{SKIPPED, compose_shadow_march, shadow_plan};
 pub use still::{compose_still, still_plan};
 
+use self::relaxed::Relaxed;
 use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::{DifferenceStep, LEAST_STEP};
@@ -213,7 +214,8 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let wanted = ray.t + (usable * settings.fudge).max(walk);
     let least = ray.t + least_gap(&ray, settings);
     let forward = wanted.le(ray.t).select(least, wanted);
-    let farther = relaxed::farther(&ray, settings, walk, usable, forward);
+    let relaxed = Relaxed::new(&ray, settings, walk, usable);
+    let farther = relaxed.as_ref().map_or(forward, |relaxed| relaxed.farther(&ray, forward));
     let middle = (t_inside + t_outside) * 0.5;
     // No number may be left between the ends, however far they are from as near as they should be.
     let between = t_outside.lt(middle).and(middle.lt(t_inside));
@@ -231,7 +233,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let settled = crossed.or(walking);
     let t_front = settled.select(ray.t_front, ray.t);
     let next = [t, t_front, t_outside.max(unknown), t_inside, usable, status];
-    let next = relaxed::or_back(&ray, settings, walk, usable, inside, next);
+    let next = relaxed.map_or(next, |relaxed| relaxed.or_back(&ray, settings, inside, next));
     for (port, value) in march_state_ports().into_iter().zip(next) {
         function.output(port.name, value);
     }

@@ -29,65 +29,69 @@ pub(super) fn of_plan(plan: &Plan) -> f64 {
     if plan.choices.iter().any(|choice| along_ray(choice.method)) { 1.0 } else { MOST }
 }
 
-/// Where to go instead of `forward`, the end of the ball of an estimate `de`; `walk` is the shortest step.
-pub(super) fn farther<'g>(
-    ray: &Inputs<'g>,
-    settings: &MarchSettings,
+/// Longer steps of a march: what the ways ahead and back have in common.
+pub(super) struct Relaxed<'g> {
+    /// The shortest step.
     walk: Expr<'g>,
-    de: Expr<'g>,
-    forward: Expr<'g>,
-) -> Expr<'g> {
-    if settings.relaxation <= 1.0 {
-        return forward;
+    /// From the last point outside to this one, or a little more than nothing.
+    gap: Expr<'g>,
+    /// Radius of the ball in front of this point, and of the last one's.
+    ball: Expr<'g>,
+    last_ball: Expr<'g>,
+    /// The length of a step whose balls touch, in balls of its start.
+    touching: Expr<'g>,
+    /// What part of the ball in front of a point is trusted behind it, too: all where the step multiplier is [`TRUSTED`] or less.
+    behind: f64,
+}
+
+impl<'g> Relaxed<'g> {
+    /// Nothing where steps may not be longer. `walk` is the shortest step, `de` the estimate here.
+    pub(super) fn new(ray: &Inputs<'g>, settings: &MarchSettings, walk: Expr<'g>, de: Expr<'g>) -> Option<Relaxed<'g>> {
+        if settings.relaxation <= 1.0 {
+            return None;
+        }
+        let zero = ray.t.lift(0.0);
+        let (ball, last_ball) = (de * settings.fudge, ray.last_de * settings.fudge);
+        let gap = (ray.t - ray.t_outside).max(walk * SLACK);
+        // Without an estimate before it the slope is that of the way straight to a wall.
+        let is_known = zero.le(ray.t_outside).and(zero.lt(ray.last_de));
+        let slope = is_known.select((ball - last_ball) / gap, ray.t.lift(-1.0));
+        // Balls touch here if their radius goes on to change by this slope.
+        let behind = (TRUSTED / settings.fudge).min(1.0);
+        let length = (1.0 + behind) * CAUTION;
+        let falling = (1.0 - slope * behind).max(slope.lift(length / settings.relaxation));
+        let touching = (slope.lift(length) / falling).max(slope.lift(1.0));
+        Some(Relaxed { walk, gap, ball, last_ball, touching, behind })
     }
-    let zero = ray.t.lift(0.0);
-    let ball = de * settings.fudge;
-    let gap = (ray.t - ray.t_outside).max(walk * SLACK);
-    // Without an estimate before it the slope is that of the way straight to a wall.
-    let is_known = zero.le(ray.t_outside).and(zero.lt(ray.last_de));
-    let slope = is_known.select((de - ray.last_de) * settings.fudge / gap, ray.t.lift(-1.0));
-    let wanted = ray.t + ball * touching(settings, slope);
-    walk.lt(ball).select(wanted.max(forward), forward)
-}
 
-/// What part of the ball in front of a point is trusted behind it, too: all where the step multiplier is [`TRUSTED`] or less.
-fn behind(settings: &MarchSettings) -> f64 {
-    (TRUSTED / settings.fudge).min(1.0)
-}
-
-/// The length of a step whose balls touch if their radius goes on to change by this slope, in balls of its start.
-fn touching<'g>(settings: &MarchSettings, slope: Expr<'g>) -> Expr<'g> {
-    let behind = behind(settings);
-    let length = (1.0 + behind) * CAUTION;
-    (slope.lift(length) / (1.0 - slope * behind).max(slope.lift(length / settings.relaxation))).max(slope.lift(1.0))
-}
-
-/// The state `next`, or the way back where the step to here was too long: `t, t_front, t_outside, t_inside, last_de, status`.
-pub(super) fn or_back<'g>(
-    ray: &Inputs<'g>,
-    settings: &MarchSettings,
-    walk: Expr<'g>,
-    de: Expr<'g>,
-    inside: Expr<'g>,
-    next: [Expr<'g>; 6],
-) -> [Expr<'g>; 6] {
-    if settings.relaxation <= 1.0 {
-        return next;
+    /// Where to go instead of `forward`, the end of the ball.
+    pub(super) fn farther(&self, ray: &Inputs<'g>, forward: Expr<'g>) -> Expr<'g> {
+        let wanted = ray.t + self.ball * self.touching;
+        self.walk.lt(self.ball).select(wanted.max(forward), forward)
     }
-    let zero = ray.t.lift(0.0);
-    let (ball, last_ball) = (de * settings.fudge, ray.last_de * settings.fudge);
-    let gap = ray.t - ray.t_outside;
-    // A step that the precision made longer, since a shorter one would stand still, is no step too long.
-    let plain = last_ball.max(walk).max(least_gap(ray, settings));
-    let is_march = zero.le(ray.t_outside).and(ray.t_inside.lt(zero));
-    let was_longer = is_march.and((plain + walk * SLACK).lt(gap));
-    let is_apart = inside.or((last_ball + ball * behind(settings)).lt(gap));
-    let touch = last_ball * touching(settings, (ball - last_ball) / gap);
-    let t = ray.t_outside + inside.select(plain, touch.min(gap * SHORTER).max(plain));
-    // Back means back, whatever is lost to rounding.
-    let back = was_longer.and(is_apart).and(t.lt(ray.t));
-    let here = [t, ray.t_front, ray.t_outside, ray.t_inside, ray.last_de, ray.status];
-    let mut state = next;
-    state.iter_mut().zip(here).for_each(|(next, here)| *next = back.select(here, *next));
-    state
+
+    /// The state `next`, or the way back where the step to here was too long: `t, t_front, t_outside, t_inside, last_de,
+    /// status`.
+    pub(super) fn or_back(
+        &self,
+        ray: &Inputs<'g>,
+        settings: &MarchSettings,
+        inside: Expr<'g>,
+        next: [Expr<'g>; 6],
+    ) -> [Expr<'g>; 6] {
+        let zero = ray.t.lift(0.0);
+        // A step that the precision made longer, since a shorter one would stand still, is no step too long.
+        let plain = self.last_ball.max(self.walk).max(least_gap(ray, settings));
+        let is_march = zero.le(ray.t_outside).and(ray.t_inside.lt(zero));
+        let was_longer = is_march.and((plain + self.walk * SLACK).lt(self.gap));
+        let is_apart = inside.or((self.last_ball + self.ball * self.behind).lt(self.gap));
+        let touch = self.last_ball * self.touching;
+        let t = ray.t_outside + inside.select(plain, touch.min(self.gap * SHORTER).max(plain));
+        // Back means back, whatever is lost to rounding.
+        let back = was_longer.and(is_apart).and(t.lt(ray.t));
+        let here = [t, ray.t_front, ray.t_outside, ray.t_inside, ray.last_de, ray.status];
+        let mut state = next;
+        state.iter_mut().zip(here).for_each(|(next, here)| *next = back.select(here, *next));
+        state
+    }
 }
