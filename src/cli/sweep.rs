@@ -7,7 +7,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use bulbfold::calibrate::Calibration;
-use bulbfold::compose::{Composer, choose};
+use bulbfold::compose::{Composer, Plan, choose};
 use bulbfold::expr::Arena;
 use bulbfold::frames::{FrameRenderer, Frames, JoinedFrames};
 use bulbfold::graph::{EstimateSettings, ValidGraph};
@@ -41,6 +41,16 @@ pub struct SweepArgs {
     resume: bool,
 }
 
+/// What sweeps may move besides parameters.
+const VIEW: [&str; 5] = ["camera", "target", "up", "fov", "turn"];
+
+impl SweepArgs {
+    /// True when all frames show the same set, which then is measured once.
+    fn moves_the_view_alone(&self) -> bool {
+        self.ranges.iter().all(|range| VIEW.contains(&range.name.as_str()))
+    }
+}
+
 /// Renders all frames.
 pub fn run(
     arguments: &Arguments,
@@ -62,17 +72,24 @@ pub fn run(
     let (settings, precision) = settle(session, arguments, &graphs, asked)?;
     let estimates = estimates(session, arguments, &graphs, &settings, precision)?;
     let mut gathered = Frames::default();
+    let mut for_all_views = None;
     for &frame in &todo {
         let graph = &graphs[frame as usize];
         let arena = Rc::new(Arena::default());
         let composer = Composer { arena: &arena, library: &session.library, graph };
         let failed = |diagnostic| session.failure(diagnostic);
         let plan = match &estimates {
-            Estimates::Shared(wanted) => choose(&composer, wanted).map_err(failed)?,
+            Estimates::Shared(wanted) => match &for_all_views {
+                Some(plan) => Plan::clone(plan),
+                None => choose(&composer, wanted).map_err(failed)?,
+            },
             Estimates::Own => {
                 choose_estimate(session, graph, &arena, &arguments.wish(graph, &settings, precision))?.plan
             }
         };
+        if sweep.moves_the_view_alone() {
+            for_all_views = Some(plan.clone());
+        }
         let begun = Instant::now();
         gathered.add(&arena, &compose_planned(&composer, &settings, plan).map_err(failed)?);
         composing += begun.elapsed();
