@@ -1,5 +1,6 @@
 //! The steps that formulas can use: the built-in ones and those of a user's folders, found and read alike.
 
+use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::rc::Rc;
@@ -16,15 +17,20 @@ pub struct Library {
     pub sources: Sources,
     /// Runs step files, parameter expressions and graph scripts.
     pub engine: ScriptEngine,
-    steps: BTreeMap<String, Rc<Step>>,
+    steps: BTreeMap<String, Entry>,
     /// Names of step files with errors.
     broken: BTreeSet<String>,
 }
 
+/// A step's file, and the step. Built-in ones are read when they are first asked for: a picture needs few of them, and to
+/// read all takes longer than a small one.
+struct Entry {
+    text: SourceId,
+    step: OnceCell<Rc<Step>>,
+}
+
 impl Library {
     /// The built-in steps.
-    ///
-    /// Panics if a built-in file has an error, which a test rules out.
     pub fn builtin() -> Library {
         let mut library = Library {
             sources: Sources::default(),
@@ -32,24 +38,28 @@ impl Library {
             steps: BTreeMap::new(),
             broken: BTreeSet::new(),
         };
-        let mut diagnostics = Diagnostics::default();
         for (name, text) in embedded::STEPS {
-            let id = library.sources.add(format!("formulas/steps/{name}.rhai"), *text);
-            library.add_step(name, id, &mut diagnostics);
+            let text = library.sources.add(format!("formulas/steps/{name}.rhai"), *text);
+            library.steps.insert(name.to_string(), Entry { text, step: OnceCell::new() });
         }
-        assert!(
-            !diagnostics.has_errors(),
-            "built-in steps are broken:\n{}",
-            diagnostics.render(&library.sources, false)
-        );
         library
+    }
+
+    /// Panics if a built-in file has an error, which a test rules out.
+    fn read<'a>(&self, name: &str, entry: &'a Entry) -> &'a Rc<Step> {
+        entry.step.get_or_init(|| {
+            let mut diagnostics = Diagnostics::default();
+            let step = Step::read(&self.engine, &self.sources, entry.text, name, &mut diagnostics);
+            let errors = || diagnostics.render(&self.sources, false);
+            Rc::new(step.unwrap_or_else(|| panic!("built-in steps are broken:\n{}", errors())))
+        })
     }
 
     fn add_step(&mut self, name: &str, id: SourceId, diagnostics: &mut Diagnostics) {
         match Step::read(&self.engine, &self.sources, id, name, diagnostics) {
             Some(step) => {
                 self.broken.remove(name);
-                self.steps.insert(name.to_string(), Rc::new(step));
+                self.steps.insert(name.to_string(), Entry { text: id, step: OnceCell::from(Rc::new(step)) });
             }
             None => {
                 self.broken.insert(name.to_string());
@@ -111,7 +121,7 @@ impl Library {
 
     /// The step of this name.
     pub fn step(&self, name: &str) -> Option<&Rc<Step>> {
-        self.steps.get(name)
+        self.steps.get(name).map(|entry| self.read(name, entry))
     }
 
     /// Whether a file of this name was read whose errors were reported, so that its uses need no message.
@@ -124,8 +134,29 @@ impl Library {
         self.broken.iter().map(String::as_str)
     }
 
+    /// Names of all steps.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.steps.keys().map(String::as_str)
+    }
+
     /// All steps by name.
     pub fn steps(&self) -> impl Iterator<Item = &Rc<Step>> {
-        self.steps.values()
+        self.steps.iter().map(|(name, entry)| self.read(name, entry))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_steps_are_read_when_they_are_asked_for() {
+        let library = Library::builtin();
+        let read = || library.steps.values().filter(|entry| entry.step.get().is_some()).count();
+        assert_eq!((read(), library.names().count()), (0, embedded::STEPS.len()));
+        assert_eq!(library.step("box_fold").expect("a built-in step").name, "box_fold");
+        assert!(library.step("no_such_step").is_none());
+        assert_eq!(read(), 1);
+        assert_eq!(library.steps().count(), embedded::STEPS.len());
     }
 }

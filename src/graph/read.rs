@@ -434,7 +434,7 @@ impl Reader<'_> {
 
     pub(super) fn unknown_node(&mut self, name: &Name) {
         let mut candidates: Vec<&str> = super::nodes::KEYWORDS.to_vec();
-        candidates.extend(self.library.steps().map(|s| s.name.as_str()));
+        candidates.extend(self.library.names());
         let mut diagnostic = Diagnostic::error(format!("unknown step or node kind `{}`", name.text))
             .label(name.span, "not found")
             .did_you_mean(&name.text, candidates);

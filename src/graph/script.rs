@@ -117,8 +117,7 @@ fn with_nearest(diagnostic: Diagnostic, library: &Library) -> Diagnostic {
         return diagnostic;
     };
     let name = rest.split([' ', '(']).next().unwrap_or_default();
-    let constructors =
-        || KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(library.steps().map(|s| s.name.as_str()));
+    let constructors = || KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(library.names());
     if constructors().any(|known| known == name) {
         return diagnostic
             .help(format!("`{name}` takes at most three parts, a list of parts, or #{{ name: part, ... }}"));
@@ -131,9 +130,8 @@ fn with_nearest(diagnostic: Diagnostic, library: &Library) -> Diagnostic {
 
 fn register(engine: &mut Engine, library: &Library, run: &Rc<Run>) {
     engine.register_type_with_name::<Made>("graph node");
-    let steps: Vec<String> = library.steps().map(|step| step.name.clone()).collect();
     // A broken step's uses are none of the script's errors.
-    let steps = steps.iter().map(String::as_str).chain(library.broken());
+    let steps = library.names().chain(library.broken());
     for name in KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(steps) {
         register_constructor(engine, name, run);
     }
