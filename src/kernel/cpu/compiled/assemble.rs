@@ -360,10 +360,11 @@ impl Assembler {
         self.push(Instruction::with2(VEX_Kmovw_m16_kr, to, mask(a)).expect(VALID));
     }
 
-    /// Calls a function with the address of a slot.
+    /// Calls a function with the address of a slot. Upper halves in use would make code for doubles several times as slow.
     pub(super) fn call(&mut self, function: Function, argument: u16) {
         self.push(Instruction::with2(Code::Lea_r64_m, Register::RDI, self.slot(argument)).expect(VALID));
         self.push(Instruction::with2(Code::Mov_r64_imm64, Register::RAX, function as usize as u64).expect(VALID));
+        self.push(Instruction::with(VEX_Vzeroupper));
         self.push(Instruction::with1(Code::Call_rm64, Register::RAX).expect(VALID));
     }
 
