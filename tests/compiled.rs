@@ -116,8 +116,16 @@ fn scalar_estimates_are_those_of_the_interpreter() {
         for precision in [Precision::F32, Precision::F64] {
             let best = Cpu::new(precision);
             for cpu in [best, best.narrow()] {
-                let found = run_both(&arena, cpu, name, &Kernel::Estimate(estimator.clone()), &[&columns]);
+                let kernel = Kernel::Estimate(estimator.clone());
+                let found = run_both(&arena, cpu, name, &kernel, &[&columns]);
                 assert!(found[0].iter().any(|&de| de > 0.1), "{name}: some points are outside");
+                // Less than a block of lanes, one or two whole ones, and some more, in each precision and set.
+                for len in [1, 11, 12, 16, 23, 24, 25, 32, 49] {
+                    let first: Vec<Vec<f64>> = columns.iter().map(|column| column[..len].to_vec()).collect();
+                    let part = run_both(&arena, cpu, name, &kernel, &[&first]);
+                    let same = part.iter().zip(&found).all(|(part, all)| part[..] == all[..len]);
+                    assert!(same, "{name}: the first {len} points have the estimates that they have among all");
+                }
             }
         }
     }

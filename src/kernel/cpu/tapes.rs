@@ -106,6 +106,11 @@ impl OrbitTapes {
             max_iterations: orbit.max_iterations,
         }
     }
+
+    /// Whether the end of the orbit reads the number of its iterations.
+    pub(super) fn reads_n(&self) -> bool {
+        self.set.tapes[1].read.contains(&((self.state + self.frozen) as u16))
+    }
 }
 
 impl EstimatorTapes {

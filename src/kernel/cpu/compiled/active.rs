@@ -111,17 +111,6 @@ impl Assembler {
         self.push(Instruction::with2(VEX_Vtestps_ymm_ymmm256, either, either).expect(VALID));
     }
 
-    /// Jumps when a lane of the masks in the first registers is set. Overwrites the first of them.
-    pub(super) fn jump_if_any(&mut self, copies: u8, to: Label) {
-        for copy in 1..copies {
-            let instruction = self.three(Form::Or, copies, if copy == 1 { 0 } else { copies }, Source::Register(copy));
-            self.push(instruction);
-        }
-        let either = self.vector(if copies == 1 { 0 } else { copies });
-        self.push(Instruction::with2(VEX_Vtestps_ymm_ymmm256, either, either).expect(VALID));
-        self.branch(Code::Jne_rel32_64, to);
-    }
-
     /// Jumps when at least as many lanes are active as the caller asked for.
     pub(super) fn jump_if_enough_active(&mut self, copies: u8, to: Label) {
         let (count, sum, wanted) = (Register::EAX, Register::ECX, Register::R15D);

@@ -12,7 +12,9 @@ use super::trace::{Binary, Comparison, Unary};
 use crate::kernel::cpu::Precision;
 
 /// Points at the frame of vectors.
-const FRAME: Register = Register::RBX;
+pub(super) const FRAME: Register = Register::RBX;
+/// The lanes that a march wants to go on with, or the blocks that are left of a kernel over columns.
+pub(super) const WANTED: Register = Register::R15;
 /// Points at the constants.
 const CONSTANTS: Register = Register::R12;
 /// The last source of an instruction.
@@ -52,6 +54,8 @@ pub(super) struct Assembler {
     precision: Precision,
     /// First of the slots for the copies' active lanes.
     pub(super) first_active: u16,
+    /// First of the slots for the addresses of columns.
+    pub(super) first_address: u16,
     instructions: Vec<Instruction>,
     labels: u64,
     /// The label of the next instruction.
@@ -87,7 +91,18 @@ impl Assembler {
     pub(super) fn new(set: InstructionSet, precision: Precision, first_active: u16) -> Assembler {
         let (instructions, pool, pooled) = (Vec::new(), Vec::new(), HashMap::new());
         let uniforms = BTreeMap::new();
-        Assembler { set, precision, first_active, instructions, labels: 0, here: 0, pool, pooled, uniforms }
+        Assembler {
+            set,
+            precision,
+            first_active,
+            first_address: 0,
+            instructions,
+            labels: 0,
+            here: 0,
+            pool,
+            pooled,
+            uniforms,
+        }
     }
 
     /// The instruction of this form for set and precision.
@@ -345,10 +360,11 @@ impl Assembler {
         self.push(Instruction::with2(VEX_Kmovw_m16_kr, to, mask(a)).expect(VALID));
     }
 
-    /// Calls a function with the address of a slot.
+    /// Calls a function with the address of a slot. Upper halves in use would make code for doubles several times as slow.
     pub(super) fn call(&mut self, function: Function, argument: u16) {
         self.push(Instruction::with2(Code::Lea_r64_m, Register::RDI, self.slot(argument)).expect(VALID));
         self.push(Instruction::with2(Code::Mov_r64_imm64, Register::RAX, function as usize as u64).expect(VALID));
+        self.push(Instruction::with(VEX_Vzeroupper));
         self.push(Instruction::with1(Code::Call_rm64, Register::RAX).expect(VALID));
     }
 
@@ -363,17 +379,6 @@ impl Assembler {
     pub(super) fn set_counter(&mut self, counter: Counter, value: u32) {
         let code = Code::Mov_r64_imm64;
         self.push(Instruction::with2(code, counter.register(), u64::from(value)).expect(VALID));
-    }
-
-    /// The number of iterations left, in all lanes of a register; only without masks.
-    pub(super) fn left(&mut self, dst: u8) {
-        let (convert, spread) = match self.precision {
-            Precision::F32 => (VEX_Vcvtsi2ss_xmm_xmm_rm32, VEX_Vbroadcastss_ymm_xmm),
-            Precision::F64 => (VEX_Vcvtsi2sd_xmm_xmm_rm32, VEX_Vbroadcastsd_ymm_xmm),
-        };
-        let narrow = Register::XMM0 + u32::from(dst);
-        self.push(Instruction::with3(convert, narrow, narrow, Register::R13D).expect(VALID));
-        self.push(Instruction::with2(spread, self.vector(dst), narrow).expect(VALID));
     }
 
     /// Counts down and jumps while something is left.
@@ -400,12 +405,12 @@ impl Assembler {
         self.jump(labels[0]);
     }
 
-    /// Saves the caller's registers and takes over the arguments: frame, constants, lanes wanted.
+    /// Saves the caller's registers and takes over the arguments: frame, constants, lanes or blocks wanted.
     pub(super) fn enter(&mut self) {
         for register in SAVED {
             self.push(Instruction::with1(Code::Push_r64, register).expect(VALID));
         }
-        for (to, from) in [(FRAME, Register::RDI), (CONSTANTS, Register::RSI), (Register::R15, Register::RDX)] {
+        for (to, from) in [(FRAME, Register::RDI), (CONSTANTS, Register::RSI), (WANTED, Register::RDX)] {
             self.push(Instruction::with2(Code::Mov_r64_rm64, to, from).expect(VALID));
         }
     }
@@ -476,16 +481,16 @@ impl MachineCode {
         }
     }
 
-    /// Runs the code on a frame; marches go on while at least `wanted` lanes run.
+    /// Runs the code on a frame; marches go on while at least `wanted` lanes run, other kernels over `wanted` blocks.
     ///
     /// # Safety
     ///
-    /// The processor must have the instruction set as `fearless_simd` defines it, and the frame must have as many vectors as
-    /// the code was written for.
+    /// The processor must have the instruction set as `fearless_simd` defines it, the frame must have as many vectors as
+    /// the code was written for, and where these hold addresses of columns, the columns must have so many blocks.
     pub(super) unsafe fn run(&self, frame: &mut [Line], wanted: u32) {
         type Entry = unsafe extern "sysv64" fn(*mut Line, *const Line, u64);
         // SAFETY: the memory holds a function of this type, which `Assembler` wrote: it saves the caller's registers,
-        // reads and writes the frame and reads the constants only.
+        // reads and writes the frame and the columns and reads the constants only.
         unsafe {
             let entry = std::mem::transmute::<*const u8, Entry>(self.memory.as_ptr());
             entry(frame.as_mut_ptr(), self.constants.as_ptr(), u64::from(wanted));

@@ -13,13 +13,13 @@ use crate::kernel::cpu::tapes::Program;
 /// Vectors in step. Marches take longer with more: fewer lanes are busy while the last of them iterates, and values go to
 /// memory for want of registers.
 pub(in crate::kernel::cpu) const COPIES: usize = 2;
-/// Vectors in step of estimates with AVX2, whose vectors are half as long.
-pub(super) const MOST_COPIES: usize = 4;
+/// Vectors in step of estimates with AVX2, whose vectors are half as long: as many as have room in registers for most states.
+const ESTIMATE_COPIES: usize = 3;
 
 /// Vectors in step of a kernel.
 pub(super) fn copies_of(program: &Program, set: InstructionSet) -> usize {
     match (program, set) {
-        (Program::Estimate(_), InstructionSet::Avx2) => MOST_COPIES,
+        (Program::Estimate(_), InstructionSet::Avx2) => ESTIMATE_COPIES,
         _ => COPIES,
     }
 }
@@ -39,9 +39,7 @@ impl Segment {
             let next = operations.len() as Value;
             numbers[i] = match operation {
                 // What all copies have in common is there once.
-                Operation::Constant(_) | Operation::Uniform(_) | Operation::Left => {
-                    *shared.entry(operation).or_insert(next)
-                }
+                Operation::Constant(_) | Operation::Uniform(_) => *shared.entry(operation).or_insert(next),
                 _ => next,
             };
             if numbers[i] == next {
@@ -80,12 +78,14 @@ fn place_of(place: Place, copy: usize) -> Place {
         Place::Slot(slot) => Place::Slot(slot + copy as u16),
         Place::Register(register) => Place::Register(register + copy as u8),
         Place::Active(first) => Place::Active(first + copy as u8),
+        Place::Column(column, first) => Place::Column(column, first + copy as u8),
     }
 }
 
 fn target_of(target: Target, copy: usize) -> Target {
     match target {
         Target::Slot(slot) => Target::Slot(slot + copy as u16),
+        Target::Column(column, first) => Target::Column(column, first + copy as u8),
         Target::Register(register) => Target::Register(register + copy as u8),
         Target::ActiveRegister(register) => Target::ActiveRegister(register + copy as u8),
     }

@@ -93,6 +93,9 @@ pub(super) enum Form {
     /// A load in a number's own type, as masked moves need it.
     Move,
     Store,
+    /// A load of what is aligned like its numbers only.
+    LoadUnaligned,
+    StoreUnaligned,
     /// One number into all lanes; only with AVX-512, whose constants are single.
     Broadcast,
     Sqrt,
@@ -148,6 +151,14 @@ impl Form {
             Form::Store => [
                 (EVEX_Vmovaps_zmmm512_k1z_zmm, EVEX_Vmovapd_zmmm512_k1z_zmm),
                 (VEX_Vmovaps_ymmm256_ymm, VEX_Vmovapd_ymmm256_ymm),
+            ],
+            Form::LoadUnaligned => [
+                (EVEX_Vmovups_zmm_k1z_zmmm512, EVEX_Vmovupd_zmm_k1z_zmmm512),
+                (VEX_Vmovups_ymm_ymmm256, VEX_Vmovupd_ymm_ymmm256),
+            ],
+            Form::StoreUnaligned => [
+                (EVEX_Vmovups_zmmm512_k1z_zmm, EVEX_Vmovupd_zmmm512_k1z_zmm),
+                (VEX_Vmovups_ymmm256_ymm, VEX_Vmovupd_ymmm256_ymm),
             ],
             Form::Broadcast => [
                 (EVEX_Vbroadcastss_zmm_k1z_xmmm32, EVEX_Vbroadcastsd_zmm_k1z_xmmm64),

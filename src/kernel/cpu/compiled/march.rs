@@ -43,13 +43,13 @@ impl Compiled {
                 left.extend(numbers.map(|(ray, _)| ray as u32));
                 continue;
             }
-            let columns = frame.columns::<K>(self.columns.inputs);
+            let columns = frame.columns::<K>(self.columns.first);
             columns.iter_mut().zip(&inputs).for_each(|(column, input)| *column = input[at]);
             for (column, output) in columns[RAY..].iter_mut().zip(&*outputs) {
                 *column = output.as_chunks().0.as_chunks().0[at];
             }
             self.call(frame, enough as u32);
-            let columns = frame.columns::<K>(self.columns.inputs);
+            let columns = frame.columns::<K>(self.columns.first);
             for (column, output) in columns[RAY..].iter().zip(&mut *outputs) {
                 output.as_chunks_mut().0.as_chunks_mut().0[at] = *column;
             }
@@ -67,11 +67,11 @@ impl Compiled {
         let lanes = frame.lanes();
         let mut held: Vec<Option<u32>> = vec![None; lanes];
         let mut busy = 0;
-        frame.numbers(self.columns.inputs)[STATUS * lanes..][..lanes].fill(T::from_f64(Status::Miss.code()));
+        frame.numbers(self.columns.first)[STATUS * lanes..][..lanes].fill(T::from_f64(Status::Miss.code()));
         // With fewer lanes running than this, finished rays make room for others.
         let enough = (lanes * 15 / 16) as u32;
         loop {
-            let numbers = frame.numbers(self.columns.inputs);
+            let numbers = frame.numbers(self.columns.first);
             for (lane, held) in held.iter_mut().enumerate() {
                 if is_running(limit, numbers[STATUS * lanes + lane], numbers[STEPS * lanes + lane]) {
                     continue;

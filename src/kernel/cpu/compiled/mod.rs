@@ -1,13 +1,15 @@
 //! Tapes as machine code, for processors with AVX-512 or AVX2: what the interpreter does, without its loads and stores.
 //!
-//! A kernel becomes one function over a frame of vectors, two in step (each of 16 rays with AVX-512, of 8 with AVX2; half of that in
-//! f64), with its loops: temporaries stay in registers, orbits' states too where they fit. Lanes that are done keep their values: by masked moves
-//! with AVX-512; with AVX2 all lanes go on, and what each was when it ended is set aside. Results are those of the interpreter to the last bit. [`trace`] says what is computed, [`emit`] in
-//! which registers, [`assemble`] and [`active`] in which instructions, of the sets in [`instructions`]. Other processors,
-//! and systems that allow no such code, have the interpreter.
+//! A kernel becomes one function with its loops over a frame of vectors, two or three in step (each of 16 rays with AVX-512, of 8
+//! with AVX2; half of that in f64), and over the columns where they lie ([`blocks`]): temporaries stay in registers, orbits' states
+//! too where they fit. Lanes that are done keep their values: by masked moves with AVX-512, by a choice of old or new with AVX2.
+//! Results are those of the interpreter to the last bit. [`trace`] says what is computed, [`emit`] in which registers, [`assemble`]
+//! and [`active`] in which instructions, of the sets in [`instructions`]. Other processors, and systems that allow no such code,
+//! have the interpreter.
 
 mod active;
 mod assemble;
+mod blocks;
 mod copies;
 mod emit;
 mod instructions;
@@ -21,7 +23,6 @@ use std::marker::PhantomData;
 
 use self::assemble::{Line, MachineCode};
 pub(super) use self::copies::COPIES;
-use self::copies::MOST_COPIES;
 pub(super) use self::instructions::InstructionSet;
 pub(super) use self::kernels::compile;
 use crate::kernel::cpu::Precision;
@@ -39,15 +40,12 @@ pub(super) struct Compiled {
     columns: Columns,
 }
 
-/// Where a kernel's columns lie in the frame: one behind the other, each as many vectors as there are in step.
+/// Where a kernel finds its columns.
 #[derive(Clone)]
 struct Columns {
-    /// First vector of the inputs.
-    inputs: usize,
-    /// The inputs that the code reads.
-    read: Vec<usize>,
-    /// First vector of the outputs.
-    outputs: usize,
+    /// Of a march: the first vector of its columns, which lie one behind the other, each as many vectors as there are in step.
+    /// Of other kernels: the first vector with the addresses of inputs and outputs.
+    first: usize,
     /// Most steps of a ray, where this is a march.
     max_march_steps: Option<f64>,
 }
@@ -88,10 +86,14 @@ impl<T: Element, const LANES: usize> Frame<T, LANES> {
         self.vectors()[first..].as_flattened_mut()
     }
 
-    /// One lane of the column that is number `column` of those from the vector `first` on.
-    fn lane(&mut self, first: usize, column: usize, lane: usize) -> &mut T {
-        let vector = first + column * self.copies + lane / LANES;
-        &mut self.vectors()[vector][lane % LANES]
+    /// Writes addresses behind each other from the vector `first` on.
+    fn set_addresses(&mut self, first: usize, addresses: impl Iterator<Item = usize>) {
+        let room = &mut self.vectors()[first..];
+        // SAFETY: these vectors' memory, aligned more strictly than addresses, of which any bits are numbers.
+        let room = unsafe {
+            std::slice::from_raw_parts_mut(room.as_mut_ptr().cast::<u64>(), size_of_val(room) / size_of::<u64>())
+        };
+        room.iter_mut().zip(addresses).for_each(|(place, address)| *place = address as u64);
     }
 }
 
@@ -106,26 +108,19 @@ impl Compiled {
     /// Runs the kernel on columns. `T` must be the number that it was compiled for.
     pub(super) fn run<T: Element>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
         assert_eq!(T::PRECISION, self.precision);
-        match self.copies {
-            COPIES => self.run_copies::<T, COPIES>(inputs, outputs),
-            _ => self.run_copies::<T, MOST_COPIES>(inputs, outputs),
-        }
-    }
-
-    fn run_copies<T: Element, const K: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
         match self.set.lanes(self.precision) {
-            16 => self.run_frame::<T, 16, K>(inputs, outputs),
-            8 => self.run_frame::<T, 8, K>(inputs, outputs),
-            _ => self.run_frame::<T, 4, K>(inputs, outputs),
+            16 => self.run_frame::<T, 16>(inputs, outputs),
+            8 => self.run_frame::<T, 8>(inputs, outputs),
+            _ => self.run_frame::<T, 4>(inputs, outputs),
         }
     }
 
-    fn run_frame<T: Element, const LANES: usize, const K: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
+    fn run_frame<T: Element, const LANES: usize>(&self, inputs: &[&[T]], outputs: &mut [&mut [T]]) {
         assert_eq!(size_of::<[T; LANES]>(), self.set.bytes());
         let mut frame = Frame::new(self.slots, self.copies);
         match self.columns.max_march_steps {
-            Some(limit) => self.march::<T, LANES, K>(&mut frame, limit, inputs, outputs),
-            None => self.map::<T, LANES, K>(&mut frame, inputs, outputs),
+            Some(limit) => self.march::<T, LANES, COPIES>(&mut frame, limit, inputs, outputs),
+            None => self.map::<T, LANES>(&mut frame, inputs, outputs),
         }
     }
 
@@ -135,43 +130,47 @@ impl Compiled {
         unsafe { self.code.run(&mut frame.lines, wanted) }
     }
 
-    fn map<T: Element, const LANES: usize, const K: usize>(
+    /// Runs over columns block by block.
+    fn map<T: Element, const LANES: usize>(
         &self,
         frame: &mut Frame<T, LANES>,
         inputs: &[&[T]],
         outputs: &mut [&mut [T]],
     ) {
-        let Columns { read, inputs: first_input, outputs: first_output, .. } = &self.columns;
         let len = inputs.first().map_or(0, |column| column.len());
-        let whole = len / frame.lanes();
-        let columns = read.iter().map(|&i| (first_input + i * K, inputs[i].as_chunks().0.as_chunks().0));
-        let columns: Vec<(usize, &[[[T; LANES]; K]])> = columns.collect();
-        let results = outputs.iter_mut().enumerate();
-        let results = results.map(|(i, column)| (first_output + i * K, column.as_chunks_mut().0.as_chunks_mut().0));
-        let mut results: Vec<(usize, &mut [[[T; LANES]; K]])> = results.collect();
-        for at in 0..whole {
-            let vectors = frame.vectors();
-            for (slot, column) in &columns {
-                *vectors[*slot..].first_chunk_mut().expect("the frame holds every column") = column[at];
+        let lanes = frame.lanes();
+        let rest = len % lanes;
+        if rest < len {
+            self.blocks(frame, len / lanes, inputs, outputs);
+        }
+        if rest > 0 {
+            // What is left, and its last element as often as there is room.
+            let padded = |column: &&[T]| (len - rest..len - rest + lanes).map(|i| column[i.min(len - 1)]).collect();
+            let inputs: Vec<Vec<T>> = inputs.iter().map(padded).collect();
+            let inputs: Vec<&[T]> = inputs.iter().map(Vec::as_slice).collect();
+            let mut results = vec![vec![T::default(); lanes]; outputs.len()];
+            let mut columns: Vec<&mut [T]> = results.iter_mut().map(Vec::as_mut_slice).collect();
+            self.blocks(frame, 1, &inputs, &mut columns);
+            for (output, result) in outputs.iter_mut().zip(&results) {
+                output[len - rest..].copy_from_slice(&result[..rest]);
             }
-            self.call(frame, 0);
-            let vectors = frame.vectors();
-            for (slot, column) in &mut results {
-                column[at] = *vectors[*slot..].first_chunk().expect("the frame holds every column");
-            }
         }
-        // What is left, and its last element as often as there is room.
-        let at = whole * frame.lanes();
-        if at == len {
-            return;
-        }
-        for lane in 0..frame.lanes() {
-            read.iter().for_each(|&i| *frame.lane(*first_input, i, lane) = inputs[i][(at + lane).min(len - 1)]);
-        }
-        self.call(frame, 0);
-        for (i, column) in outputs.iter_mut().enumerate() {
-            (at..len).for_each(|j| column[j] = *frame.lane(*first_output, i, j - at));
-        }
+    }
+
+    /// Runs over the first blocks of columns.
+    fn blocks<T: Element, const LANES: usize>(
+        &self,
+        frame: &mut Frame<T, LANES>,
+        count: usize,
+        inputs: &[&[T]],
+        outputs: &mut [&mut [T]],
+    ) {
+        let lens = inputs.iter().map(|column| column.len()).chain(outputs.iter().map(|column| column.len()));
+        assert!(lens.min() >= Some(count * frame.lanes()), "columns must have the blocks that are asked for");
+        let inputs = inputs.iter().map(|column| column.as_ptr().expose_provenance());
+        let outputs = outputs.iter_mut().map(|column| column.as_mut_ptr().expose_provenance());
+        frame.set_addresses(self.columns.first, inputs.chain(outputs));
+        self.call(frame, count as u32);
     }
 }
 

@@ -7,6 +7,8 @@ use super::trace::{Operation, Place, Value};
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Target {
     Slot(u16),
+    /// A vector of a column that the kernel writes: that of a copy in the current block.
+    Column(u16, u8),
     /// A register, whether it is set aside or not.
     Register(u8),
     /// A register that is set aside, in active lanes only.

@@ -24,6 +24,8 @@ pub(super) enum Place {
     Register(u8),
     /// The mask of active lanes of a copy, by number.
     Active(u8),
+    /// A vector of a column that the kernel runs over: that of a copy in the current block.
+    Column(u16, u8),
 }
 
 /// One machine-level operation on all lanes.
@@ -34,8 +36,6 @@ pub(super) enum Operation {
     /// The uniform of this number, in all lanes.
     Uniform(u16),
     Read(Place),
-    /// The iterations left of those that the loop may do, in all lanes.
-    Left,
     Unary(Unary, Value),
     Binary(Binary, Value, Value),
     /// `±(a b) ± c`, rounded once.
@@ -125,7 +125,7 @@ impl Operation {
     pub(super) fn sources(self) -> impl Iterator<Item = Value> {
         use Operation::*;
         let list = match self {
-            Constant(_) | Uniform(_) | Read(_) | Left => [None; 3],
+            Constant(_) | Uniform(_) | Read(_) => [None; 3],
             Unary(_, a) | FromMask(a) | MaskNot(a) | Second(a) => [Some(a), None, None],
             Binary(_, a, b) | Compare(_, a, b) | MaskAnd(a, b) | MaskOr(a, b) | Call(_, a, b) => {
                 [Some(a), Some(b), None]
@@ -139,7 +139,7 @@ impl Operation {
     pub(super) fn with_sources(self, to: impl Fn(Value) -> Value) -> Operation {
         use Operation::*;
         match self {
-            Constant(_) | Uniform(_) | Read(_) | Left => self,
+            Constant(_) | Uniform(_) | Read(_) => self,
             Unary(unary, a) => Unary(unary, to(a)),
             FromMask(a) => FromMask(to(a)),
             MaskNot(a) => MaskNot(to(a)),
@@ -196,17 +196,7 @@ impl Recorder {
 
     /// The lanes that are active when the segment starts, as a mask.
     pub(super) fn active(&self) -> TracedMask<'_> {
-        self.mask(Place::Active(0))
-    }
-
-    /// A mask that is somewhere when the segment starts.
-    pub(super) fn mask(&self, place: Place) -> TracedMask<'_> {
-        TracedMask { value: self.value(Operation::Read(place)), recorder: self }
-    }
-
-    /// The iterations left of those that the loop may do.
-    pub(super) fn left(&self) -> Traced<'_> {
-        self.number(Operation::Left)
+        TracedMask { value: self.value(Operation::Read(Place::Active(0))), recorder: self }
     }
 
     fn number(&self, operation: Operation) -> Traced<'_> {
@@ -297,7 +287,11 @@ impl<'a> Traced<'a> {
 impl Add for Traced<'_> {
     type Output = Self;
     fn add(self, other: Self) -> Self {
-        self.binary(Binary::Add, other)
+        match (self.without_sign(), other.without_sign()) {
+            (_, (subtrahend, true)) => self.binary(Binary::Sub, Traced { value: subtrahend, ..other }),
+            ((subtrahend, true), _) => other.binary(Binary::Sub, Traced { value: subtrahend, ..self }),
+            _ => self.binary(Binary::Add, other),
+        }
     }
 }
 

@@ -151,10 +151,10 @@ impl<'a> Emitter<'a> {
         self.assembler.set.has_masks() && self.operations[value as usize].is_mask()
     }
 
-    /// Saves a value to the frame, unless it is in memory.
+    /// Saves a value to the frame, unless it is in memory: there, in a column or among the constants.
     fn spill(&mut self, value: Value) {
         let i = value as usize;
-        if self.memory[i].is_some() {
+        if self.memory[i].is_some() || matches!(self.operations[i], Operation::Read(Place::Column(..))) {
             return;
         }
         let Some(home) = self.home[i] else { return };
@@ -223,11 +223,25 @@ impl<'a> Emitter<'a> {
         if let Some(home) = self.home[value as usize] {
             return home;
         }
-        let source = self.memory[value as usize].expect("a value without a register is in memory");
         let register = self.take_vector(keep);
-        self.assembler.load(register, source);
+        self.copy_to(register, value);
         self.hold(value, register);
         register
+    }
+
+    /// Copies a value to a register from wherever it is.
+    fn copy_to(&mut self, register: u8, value: Value) {
+        let source = match (self.home[value as usize], self.memory[value as usize]) {
+            (Some(home), _) => Source::Register(home),
+            (None, Some(source)) => source,
+            (None, None) => {
+                let Operation::Read(Place::Column(column, copy)) = self.operations[value as usize] else {
+                    unreachable!("a value without a register is in memory")
+                };
+                return self.assembler.load_column(register, column, copy);
+            }
+        };
+        self.assembler.load(register, source);
     }
 
     fn mask_register(&mut self, value: Value, keep: &[Value]) -> u8 {
@@ -291,11 +305,6 @@ impl<'a> Emitter<'a> {
     fn operation(&mut self, value: Value, operation: Operation) {
         match operation {
             Operation::Constant(_) | Operation::Uniform(_) | Operation::Read(_) => {}
-            Operation::Left => {
-                let dst = self.take_vector(&[]);
-                self.assembler.left(dst);
-                self.hold(value, dst);
-            }
             Operation::Unary(unary, a) => {
                 let dst = match unary {
                     Unary::Neg | Unary::Abs => {
@@ -419,11 +428,7 @@ impl<'a> Emitter<'a> {
             let (a, b) = if self.reads_from_memory(a) { (b, a) } else { (a, b) };
             let (second, last) = (self.register(a, &keep), self.source(b, &keep));
             let dst = self.take_vector(&keep);
-            let from = match self.home[c as usize] {
-                Some(home) => Source::Register(home),
-                None => self.memory[c as usize].expect("a value without a register is in memory"),
-            };
-            self.assembler.load(dst, from);
+            self.copy_to(dst, c);
             (Fused::Dst231, dst, second, last)
         };
         self.retire(operation.sources());

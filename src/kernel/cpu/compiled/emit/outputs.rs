@@ -16,6 +16,11 @@ impl Emitter<'_> {
                 self.assembler.activate(copy as u8, mask);
             }
         }
+        // Masks that are vectors have been read: their registers are needed.
+        let is_over = !self.assembler.set.has_masks();
+        if is_over {
+            self.deactivate(segment);
+        }
         self.move_out_of_the_way(segment);
         for (value, target) in &segment.outputs {
             if self.is_there(*value, *target) || matches!(target, Target::Register(to) if *to < self.limit) {
@@ -24,6 +29,7 @@ impl Emitter<'_> {
             let register = self.register(*value, &[]);
             match *target {
                 Target::Slot(slot) => self.assembler.store(slot, register),
+                Target::Column(column, copy) => self.assembler.store_column(column, copy, register),
                 Target::Register(to) => self.assembler.load(to, Source::Register(register)),
                 // Registers of a state lie by copy.
                 Target::ActiveRegister(to) => {
@@ -41,15 +47,22 @@ impl Emitter<'_> {
             }
         }
         self.shuffle(segment);
-        for (copy, activity) in segment.activity.iter().enumerate() {
-            if let Activity::Lose(mask) = *activity {
-                let mask = self.mask_register(mask, &[]);
-                self.assembler.deactivate(copy as u8, mask);
-            }
+        if !is_over {
+            self.deactivate(segment);
         }
         for i in 0..self.operations.len() {
             if let (true, Some(Source::Slot(slot))) = (self.spilled[i], self.memory[i]) {
                 self.slots.free(slot);
+            }
+        }
+    }
+
+    /// Ends the lanes that are no longer active.
+    fn deactivate(&mut self, segment: &Segment) {
+        for (copy, activity) in segment.activity.iter().enumerate() {
+            if let Activity::Lose(mask) = *activity {
+                let mask = self.mask_register(mask, &[]);
+                self.assembler.deactivate(copy as u8, mask);
             }
         }
     }
@@ -67,11 +80,7 @@ impl Emitter<'_> {
             let is_free = |to: u8| self.vectors[to as usize].is_none_or(|held| left.iter().all(|&(v, _)| v != held));
             if let Some(i) = left.iter().position(|&(_, to)| is_free(to)) {
                 let (value, to) = left.swap_remove(i);
-                let from = match self.home[value as usize] {
-                    Some(home) => Source::Register(home),
-                    None => self.memory[value as usize].expect("a value without a register is in memory"),
-                };
-                self.assembler.load(to, from);
+                self.copy_to(to, value);
                 if let Some(home) = self.home[value as usize]
                     && !all.contains(&(value, home))
                 {

@@ -3,9 +3,11 @@
 mod orbits;
 
 use std::collections::{BTreeSet, HashSet};
+use std::ops::Range;
 
 use self::orbits::{Start, finish};
 use super::assemble::Assembler;
+use super::blocks::ADDRESS;
 use super::copies::copies_of;
 use super::instructions::InstructionSet;
 use super::kit::Kits;
@@ -37,17 +39,6 @@ pub(in crate::kernel::cpu) fn compile(
     builder.assembler.leave();
     let slots = builder.slots.len();
     Some(Compiled { set, precision, copies, code: builder.assembler.finish()?, slots, columns })
-}
-
-impl Columns {
-    fn new(reads: &HashSet<Place>, inputs: &[Place], outputs: &[Place], max_march_steps: Option<f64>) -> Columns {
-        let read = (0..inputs.len()).filter(|&i| reads.contains(&inputs[i])).collect();
-        let first = |places: &[Place]| match places.first() {
-            Some(Place::Slot(slot)) => usize::from(*slot),
-            _ => 0,
-        };
-        Columns { inputs: first(inputs), read, outputs: first(outputs), max_march_steps }
-    }
 }
 
 struct Builder {
@@ -89,6 +80,7 @@ fn store(value: Traced, place: Place) -> (Value, Target) {
     let target = match place {
         Place::Slot(slot) => Target::Slot(slot),
         Place::Register(register) => Target::Register(register),
+        Place::Column(column, copy) => Target::Column(column, copy),
         Place::Active(_) => unreachable!("masks are not outputs"),
     };
     (value.value, target)
@@ -102,6 +94,8 @@ fn store_all(values: &[Traced], places: &[Place]) -> Outputs {
 trait Around {
     /// The point to estimate at, and the lanes where that is wanted.
     fn begin<'a>(&self, recorder: &'a Recorder) -> (Numbers<'a>, TracedMask<'a>);
+    /// Whether the end needs the number of iterations and the lanes where an estimate was wanted.
+    fn counts(&self) -> bool;
     /// What becomes of the estimator's outputs and the number of iterations.
     fn end<'a>(
         &self,
@@ -112,7 +106,7 @@ trait Around {
     ) -> (Outputs, Activity);
 }
 
-/// An estimate of points in slots.
+/// An estimate of points in columns.
 struct AroundEstimate {
     inputs: Vec<Place>,
     outputs: Vec<Place>,
@@ -123,6 +117,10 @@ impl Around for AroundEstimate {
         let point = read_all(recorder, &self.inputs);
         let hit_eps = point[point.len() - 1];
         (point, Traced::splat(recorder, 0.0).le(hit_eps))
+    }
+
+    fn counts(&self) -> bool {
+        false
     }
 
     fn end<'a>(&self, _: &'a Recorder, estimate: &[Traced<'a>], _: Traced<'a>, _: Traced<'a>) -> (Outputs, Activity) {
@@ -149,6 +147,10 @@ impl Around for AroundMarch<'_> {
         let set = &self.tapes.locate;
         let (status, steps) = (ray[STATUS], recorder.read(self.columns[STEPS]));
         (run_tape(recorder, set, &set.tapes[0], &ray), self.running(recorder, status, steps))
+    }
+
+    fn counts(&self) -> bool {
+        true
     }
 
     fn end<'a>(
@@ -211,29 +213,48 @@ impl Builder {
 
     fn map(&mut self, set: &TapeSet) -> Columns {
         let tape = &set.tapes[0];
-        let (inputs, outputs) = (self.places(tape.inputs.len()), self.places(tape.outputs.len()));
-        let recorder = self.recorder();
-        let values = read_all(&recorder, &inputs);
-        let results = run_tape(&recorder, set, tape, &values);
-        let stored = store_all(&results, &outputs);
-        self.emit(recorder, stored, Activity::Unchanged, self.registers);
-        Columns::new(&self.reads, &inputs, &outputs, None)
+        self.over_columns(tape.inputs.len(), tape.outputs.len(), |builder, inputs, outputs| {
+            let recorder = builder.recorder();
+            let values = read_all(&recorder, &inputs);
+            let results = run_tape(&recorder, set, tape, &values);
+            let stored = store_all(&results, &outputs);
+            builder.emit(recorder, stored, Activity::Unchanged, builder.registers);
+        })
     }
 
     fn estimate(&mut self, tapes: &EstimatorTapes) -> Columns {
-        let (inputs, outputs) = (self.places(POINT), self.places(tapes.combine.tapes[0].outputs.len()));
-        let around = AroundEstimate { inputs, outputs };
-        self.estimator(tapes, &around);
-        Columns::new(&self.reads, &around.inputs, &around.outputs, None)
+        self.over_columns(POINT, tapes.combine.tapes[0].outputs.len(), |builder, inputs, outputs| {
+            builder.estimator(tapes, &AroundEstimate { inputs, outputs });
+        })
+    }
+
+    /// A kernel over so many columns of inputs and outputs, block by block.
+    fn over_columns(
+        &mut self,
+        inputs: usize,
+        outputs: usize,
+        block: impl FnOnce(&mut Builder, Vec<Place>, Vec<Place>),
+    ) -> Columns {
+        let columns = |range: Range<usize>| range.map(|i| Place::Column(i as u16, 0)).collect();
+        let addresses = self.slots.take_many(((inputs + outputs) * ADDRESS).div_ceil(self.assembler.set.bytes()));
+        self.assembler.first_address = addresses;
+        let again = self.assembler.label();
+        self.assembler.place(again);
+        block(self, columns(0..inputs), columns(inputs..inputs + outputs));
+        let is_used = |i: &usize| *i >= inputs || self.reads.contains(&Place::Column(*i as u16, 0));
+        let used: Vec<u16> = (0..inputs + outputs).filter(is_used).map(|i| i as u16).collect();
+        self.assembler.next_block(used.into_iter(), self.copies, again);
+        Columns { first: usize::from(addresses), max_march_steps: None }
     }
 
     fn march(&mut self, tapes: &MarchTapes) -> Columns {
+        let first = self.slots.len();
         let around = AroundMarch { tapes, columns: self.places(COLUMNS) };
         let start = self.assembler.label();
         self.assembler.place(start);
         self.estimator(&tapes.estimator, &around);
         self.assembler.jump_if_enough_active(self.copies as u8, start);
-        Columns::new(&self.reads, &around.columns, &around.columns[RAY..], Some(f64::from(tapes.max_march_steps)))
+        Columns { first, max_march_steps: Some(f64::from(tapes.max_march_steps)) }
     }
 
     /// All orbits of an estimator, and what the kernel makes of them.
@@ -241,19 +262,23 @@ impl Builder {
         let reads = tapes.orbits.iter().skip(1).map(|orbit| &orbit.set.tapes[0]).chain([&tapes.combine.tapes[0]]);
         let read: BTreeSet<u16> = reads.flat_map(|tape| tape.read.iter().copied()).collect();
         let later = read.into_iter().filter(|&i| usize::from(i) < POINT).collect();
-        let start = Start { point: self.places(POINT), later, live: self.places(1)[0] };
+        let keeps_live = tapes.orbits.len() > 1 || around.counts();
+        let start = Start { point: self.places(POINT), later, live: self.places(1)[0], keeps_live };
         let mut results: Vec<Place> = Vec::new();
         let mut counts: Vec<Place> = Vec::new();
         let mut last = None;
+        let mut next = POINT;
         for (number, orbit) in tapes.orbits.iter().enumerate() {
-            let places = self.place(orbit);
+            let made = orbit.set.tapes[1].outputs.len() + 2;
+            next += made;
+            let reads_n = orbit.reads_n() || tapes.combine.tapes[0].read.contains(&(next as u16 - 1));
+            let places = self.place(orbit, reads_n || around.counts());
             self.begin(orbit, &places, around, &start, number == 0);
             self.iterate(orbit, &places);
             if number + 1 == tapes.orbits.len() {
                 last = Some((orbit, places));
                 break;
             }
-            let made = orbit.set.tapes[1].outputs.len() + 2;
             let slots = self.places(made);
             let recorder = self.recorder();
             let values = finish(&recorder, orbit, &places);
