@@ -213,6 +213,7 @@ fn settle(
         precision = settle_precision(session, arguments, precision, &resolution(&arena, &pipeline, settings.size));
     }
     settings.min_difference = precision.min_difference();
+    settings.boxed = true;
     Ok((settings, precision))
 }
 
