@@ -70,7 +70,7 @@ fn no_member_is_outside() {
 }
 
 /// As few pixels as a box is looked for.
-const SIZE: Size = Size { width: 512, height: 256 };
+const SIZE: Size = Size { width: 512, height: 512 };
 
 /// A picture's kernels with a box and without.
 fn pipelines(formula: &Formula, target: Target, size: Size) -> [(RenderSettings, Pipeline); 2] {

@@ -12,7 +12,7 @@ use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, SKIPPED, compose_march, co
 use crate::shade::{self, CameraFrame};
 
 /// Pixels of a picture that a search for a box pays for.
-const LEAST_BOXED: u64 = 1 << 17;
+const LEAST_BOXED: u64 = 1 << 18;
 
 /// The kernels of a picture.
 pub struct Pipeline {
