@@ -213,7 +213,6 @@ fn settle(
         precision = settle_precision(session, arguments, precision, &resolution(&arena, &pipeline, settings.size));
     }
     settings.min_difference = precision.min_difference();
-    settings.boxed = true;
     Ok((settings, precision))
 }
 
