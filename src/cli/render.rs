@@ -319,6 +319,7 @@ fn fit(
     let resolution = resolution(arena, &by_rules, settings.size);
     let precision = settle_precision(session, arguments, asked, &resolution);
     settings.min_difference = precision.min_difference();
+    settings.boxed = true;
     let calibration = choose_estimate(session, &graph, arena, &arguments.wish(&graph, &settings, precision))?;
     let start = Instant::now();
     let pipeline = compose_planned(&composer, &settings, calibration.plan.clone()).map_err(failed)?;

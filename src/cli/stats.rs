@@ -69,6 +69,7 @@ impl Report<'_> {
             "orbits": orbits,
             "fudge": plan.fudge,
             "bounding_radius": plan.bounding_radius,
+            "bounding_box": self.pipeline.bounds.sides.map(|sides| [sides.low, sides.high]),
             "camera": {
                 "position": camera.position, "target": camera.target, "up": camera.up, "fov": camera.fov.to_degrees(),
             },
@@ -119,6 +120,10 @@ impl Report<'_> {
         row("fudge", plan.fudge.to_string());
         row("shortest step", format!("{} of the hit threshold", plan.least_step));
         row("bounding radius", format!("{:.4}", plan.bounding_radius));
+        if let Some(sides) = self.pipeline.bounds.sides {
+            let along = |k: usize| format!("{:.3} to {:.3}", sides.low[k], sides.high[k]);
+            row("bounding box", [0, 1, 2].map(along).join(", "));
+        }
         let share = |count: u64| format!("{count} ({:.2} %)", 100.0 * ratio(count as f64, stats.rays as f64));
         let refined = 100.0 * stats.refined as f64 / self.pixels();
         row("samples", format!("{:.2} a pixel, {refined:.1} % of pixels refined", stats.rays as f64 / self.pixels()));

@@ -360,7 +360,7 @@ pub(crate) fn run_f64(cpu: &Cpu, composer: &Composer, kernel: &Kernel, columns: 
 }
 
 /// The same for a kernel that runs several times.
-fn run_prepared(cpu: &Cpu, prepared: &CpuKernel, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub(crate) fn run_prepared(cpu: &Cpu, prepared: &CpuKernel, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let columns = cpu.upload(columns).expect("the CPU holds every column");
     let result = cpu.run(prepared, &[&columns]).expect("the CPU runs every kernel");
     cpu.download(&result).expect("the CPU holds every column")

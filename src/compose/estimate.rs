@@ -92,7 +92,7 @@ impl<'a> OrbitBuilder<'a> {
                 function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
                 function.output("de", self.distance(end.size, slope, n));
             }
-            Purpose::Estimate | Purpose::March | Purpose::Probe | Purpose::Decision => {
+            Purpose::Estimate | Purpose::Proof | Purpose::March | Purpose::Probe | Purpose::Decision => {
                 let slope = self.slope(end, constants.h);
                 let de = self.distance(end.size, slope, n);
                 let follows = self.follows_footprint();

@@ -5,6 +5,7 @@
 //! The composer, never a step, adds `c` and owns the running derivative's "+1"; it differentiates whole iterations, so
 //! equal subexpressions of value and derivative are computed once.
 
+mod bounds;
 mod certified;
 pub mod choose;
 mod estimate;
@@ -20,6 +21,7 @@ mod unread;
 mod unrolled;
 mod value;
 
+pub use bounds::{Bounds, Sides};
 pub use choose::{Choice, Plan, choose};
 pub use field::{Decider, FieldOrbit, compose_estimator, deciders, field_orbits};
 pub use maps::scalar_rules;
@@ -38,6 +40,9 @@ use crate::graph::ValidGraph;
 pub enum Purpose {
     /// `de, inside`, of what `max_iterations` says exactly.
     Estimate,
+    /// `de, inside`, of orbits that go on for a while after they escaped, so that proofs reach further; `inside` is not to be
+    /// asked, and methods that prove nothing take it for [`Purpose::Estimate`].
+    Proof,
     /// The same for a march, whose orbits end where their detail is below the hit threshold: what is resolved is inside.
     March,
     /// `gradient: vec3, trap: vec4`: the field's direction of growth, and the least distances of the orbit to the origin

@@ -6,7 +6,7 @@
 
 use super::RenderSettings;
 use super::stats::column;
-use crate::compose::{ComposeResult, Composer, Plan, Purpose, compose_estimator};
+use crate::compose::{Bounds, ComposeResult, Composer, Plan, Purpose, compose_estimator};
 use crate::graph::Camera;
 use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::{MarchSettings, beam_plan, compose_beam_march};
@@ -45,21 +45,21 @@ pub struct BeamTiles {
 }
 
 impl BeamKernels {
-    /// The kernels for a plan's rays, marched as `march` says; `None` where estimates hold along their ray alone.
+    /// The kernels for a plan's rays within bounds, marched as `march` says; `None` where estimates hold along their ray alone.
     pub fn new(
         composer: &Composer,
         plan: &Plan,
         camera: &Camera,
-        settings: &RenderSettings,
+        (settings, bounds): (&RenderSettings, &Bounds),
         march: &MarchSettings,
     ) -> ComposeResult<Option<BeamKernels>> {
         let Some(plan) = beam_plan(plan) else { return Ok(None) };
         let arena = composer.arena;
         let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
         Ok(Some(BeamKernels {
-            camera: Kernel::Map(shade::compose_beam(arena, camera, settings.size, plan.bounding_radius)),
+            camera: Kernel::Map(shade::compose_beam(arena, camera, settings.size, bounds)),
             march: Kernel::March(compose_beam_march(arena, estimator, march)),
-            begin: Kernel::Map(shade::compose_begin(arena, camera, settings.size, plan.bounding_radius)),
+            begin: Kernel::Map(shade::compose_begin(arena, camera, settings.size, bounds)),
             background: Kernel::Map(shade::compose_background(arena, &composer.graph.look, camera, settings.size)),
             tiles: BeamTiles {
                 pixel_radius: pixel_radius(camera, settings.size),

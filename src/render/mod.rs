@@ -50,6 +50,9 @@ pub struct RenderSettings {
     /// Every ray is marched from the bounding sphere by steps no longer than an estimate, every orbit iterated until it escapes
     /// or `max_iterations` are done, shadow rays as sharply as primary ones: what everything else is compared with.
     pub plain: bool,
+    /// A box around the set is looked for, which takes some milliseconds, and rays are cut to it (see [`Bounds`](crate::compose::Bounds));
+    /// not where the picture is small or `plain`.
+    pub boxed: bool,
 }
 
 impl Default for RenderSettings {
@@ -62,6 +65,7 @@ impl Default for RenderSettings {
             detail: 1.0,
             min_difference: MIN_DIFFERENCE_F32,
             plain: false,
+            boxed: false,
         }
     }
 }

@@ -4,12 +4,15 @@ use super::RenderSettings;
 use super::beams::{BeamKernels, BeamTiles};
 use super::plane::compose_plane;
 use crate::compose::choose::{UNIT_F32, UNIT_F64};
-use crate::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator};
+use crate::compose::{Bounds, Choice, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::graph::{Camera, Look, Plane};
 use crate::kernel::Kernel;
 use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, SKIPPED, compose_march, compose_shadow_march, shadow_plan};
 use crate::shade::{self, CameraFrame};
+
+/// Pixels of a picture that a search for a box pays for.
+const LEAST_BOXED: u64 = 1 << 18;
 
 /// The kernels of a picture.
 pub struct Pipeline {
@@ -17,6 +20,8 @@ pub struct Pipeline {
     pub plan: Plan,
     /// The view.
     pub camera: Camera,
+    /// What rays are cut to.
+    pub bounds: Bounds,
     /// The plane that is seen, by one estimate at each point; absent where rays are marched.
     pub plane: Option<Plane>,
     /// Radius of a pixel at distance 1, or in the plane.
@@ -85,9 +90,14 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let frame = CameraFrame::new(&camera);
     let pixel_radius = shade::pixel_radius(&camera, settings.size);
     let mut march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
+    let is_large = u64::from(settings.size.width) * u64::from(settings.size.height) >= LEAST_BOXED;
+    let bounds = match settings.boxed && is_large && !settings.plain {
+        true => Bounds::prove(composer, &plan)?,
+        false => Bounds::ball(plan.bounding_radius),
+    };
     let beams = match settings.plain {
         true => None,
-        false => BeamKernels::new(composer, &plan, &camera, settings, &march)?,
+        false => BeamKernels::new(composer, &plan, &camera, (settings, &bounds), &march)?,
     };
     if settings.plain {
         march.relaxation = 1.0;
@@ -108,12 +118,13 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let shadow_march = shadow_march.transpose()?.map(Kernel::March);
     let skipped = if settings.plain { 0.0 } else { SKIPPED };
     let shadow_ray =
-        look.shadows.then(|| Kernel::Map(shade::compose_shadow_ray(arena, sun, march.pixel_radius, radius, skipped)));
+        look.shadows.then(|| Kernel::Map(shade::compose_shadow_ray(arena, sun, march.pixel_radius, &bounds, skipped)));
     Ok(Pipeline {
         camera,
+        bounds,
         plane: None,
         pixel_radius,
-        camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, radius)),
+        camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, &bounds)),
         beams,
         march: Kernel::March(compose_march(arena, estimator, &march)),
         surface_point: Kernel::Map(shade::compose_surface_point(arena, march.pixel_radius, settings.min_difference)),

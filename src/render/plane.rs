@@ -1,7 +1,7 @@
 //! The kernels of a picture of a plane: those of any picture, with one estimate in the place of the march.
 
 use super::{Pipeline, RenderSettings};
-use crate::compose::{Composer, Plan, Purpose, compose_estimator};
+use crate::compose::{Bounds, Composer, Plan, Purpose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::graph::Plane;
 use crate::kernel::Kernel;
@@ -27,6 +27,7 @@ pub(super) fn compose_plane(
     let estimator = compose_estimator(composer, &plan.choices, Purpose::Estimate)?;
     Ok(Pipeline {
         camera: shade::facing(plane),
+        bounds: Bounds::ball(plan.bounding_radius),
         plane: Some(*plane),
         pixel_radius,
         camera_kernel: Kernel::Map(shade::compose_plane_camera(arena, plane, settings.size)),

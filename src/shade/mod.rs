@@ -10,6 +10,7 @@ pub(crate) use colour::sun_direction;
 pub use colour::{compose_colour, compose_encode};
 pub use plane::{compose_plane_camera, compose_plane_colour, compose_plane_point, facing, pixel_size};
 
+use crate::compose::{Bounds, Sides};
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::{Camera, Look};
 use crate::kernel::{Status, march_output_ports, ray_ports};
@@ -67,11 +68,11 @@ pub fn pixel_radius(camera: &Camera, size: Size) -> f64 {
     (camera.fov / 2.0).tan() / f64::from(size.height)
 }
 
-/// Pixel coordinates (`x` to the right, `y` down, centres at halves) to rays through the bounding sphere.
-pub fn compose_camera(arena: &Arena, camera: &Camera, size: Size, bounding_radius: f64) -> Function {
+/// Pixel coordinates (`x` to the right, `y` down, centres at halves) to rays through the bounds.
+pub fn compose_camera(arena: &Arena, camera: &Camera, size: Size, bounds: &Bounds) -> Function {
     let mut function = Function::new("camera", vec![Port::new("x", Type::F), Port::new("y", Type::F)]);
     let (x, y) = (arena.input(0, Type::F), arena.input(1, Type::F));
-    let [origin, direction, near, far] = ray_through(arena, camera, size, bounding_radius, [x, y]);
+    let [origin, direction, near, far] = ray_through(arena, camera, size, bounds, [x, y]);
     output_ray(&mut function, origin, direction, near, far);
     function
 }
@@ -79,35 +80,42 @@ pub fn compose_camera(arena: &Arena, camera: &Camera, size: Size, bounding_radiu
 /// Tiles to beams: a cone around the ray through `x, y` (as [`compose_camera`] takes them) that holds all rays whose unit
 /// directions differ from its own by at most `spread`. It begins at distance `start`. What comes out is a ray whose
 /// parameter is the beam's radius (see [`crate::march::compose_beam_march`]): t times `spread`.
-pub fn compose_beam(arena: &Arena, camera: &Camera, size: Size, bounding_radius: f64) -> Function {
+pub fn compose_beam(arena: &Arena, camera: &Camera, size: Size, bounds: &Bounds) -> Function {
     let mut function =
         Function::new("beam", ["x", "y", "spread", "start"].map(|name| Port::new(name, Type::F)).to_vec());
     let [x, y, spread, start] = [0, 1, 2, 3].map(|i| arena.input(i, Type::F));
     let direction = direction_of(arena, camera, size, x, y);
-    // The farthest point of the ball is this far away, so this far beside it may be the centre of a beam that touches it.
-    let farthest = glam::DVec3::from(camera.position).length() + bounding_radius;
-    let (near, far) = sphere_range(arena.v3(camera.position), direction, spread * farthest + bounding_radius);
+    // The farthest point of the bounds is this far away, so this far beside them may be the centre of a beam that touches
+    // them.
+    let farthest = glam::DVec3::from(camera.position).length() + bounds.radius;
+    let (near, far) = range_within(bounds, arena.v3(camera.position), direction, spread * farthest);
     let narrow = direction * (1.0 / spread);
     output_ray(&mut function, arena.v3(camera.position), narrow, near.max(start) * spread, far * spread);
     function
 }
 
 /// The rays of [`compose_camera`], beginning no nearer than at `start`; a ray that ends before has an empty range.
-pub fn compose_begin(arena: &Arena, camera: &Camera, size: Size, bounding_radius: f64) -> Function {
+pub fn compose_begin(arena: &Arena, camera: &Camera, size: Size, bounds: &Bounds) -> Function {
     let mut function = Function::new("begin", ["x", "y", "start"].map(|name| Port::new(name, Type::F)).to_vec());
     let [x, y, start] = [0, 1, 2].map(|i| arena.input(i, Type::F));
-    let [origin, direction, near, far] = ray_through(arena, camera, size, bounding_radius, [x, y]);
+    let [origin, direction, near, far] = ray_through(arena, camera, size, bounds, [x, y]);
     let is_over = far.le(start);
     let (near, far) = (is_over.select(near, near.max(start)), is_over.select(arena.f(-1.0), far));
     output_ray(&mut function, origin, direction, near, far);
     function
 }
 
-/// The ray through a place of the picture: origin, direction, and where it is inside the bounding sphere.
-fn ray_through<'g>(arena: &'g Arena, camera: &Camera, size: Size, radius: f64, [x, y]: [Expr<'g>; 2]) -> [Expr<'g>; 4] {
+/// The ray through a place of the picture: origin, direction, and where it is inside the bounds.
+fn ray_through<'g>(
+    arena: &'g Arena,
+    camera: &Camera,
+    size: Size,
+    bounds: &Bounds,
+    [x, y]: [Expr<'g>; 2],
+) -> [Expr<'g>; 4] {
     let direction = direction_of(arena, camera, size, x, y);
     let origin = arena.v3(camera.position);
-    let (near, far) = sphere_range(origin, direction, arena.f(radius));
+    let (near, far) = range_within(bounds, origin, direction, arena.f(0.0));
     [origin, direction, near, far]
 }
 
@@ -134,7 +142,37 @@ fn output_ray(function: &mut Function, origin: Expr, direction: Expr, near: Expr
     }
 }
 
-/// Where a ray is inside the bounding sphere; an empty range where it misses it.
+/// Where a ray is inside bounds that are larger by `wider`; an empty range where it misses them.
+fn range_within<'g>(bounds: &Bounds, origin: Expr<'g>, direction: Expr<'g>, wider: Expr<'g>) -> (Expr<'g>, Expr<'g>) {
+    let (near, far) = sphere_range(origin, direction, wider + bounds.radius);
+    match &bounds.sides {
+        Some(sides) => box_range(sides, origin, direction, wider, (near, far)),
+        None => (near, far),
+    }
+}
+
+/// The part of a range that lies inside a box that is larger by `wider`: between the later of each pair of planes that the ray
+/// enters by and the earlier of each that it leaves by.
+fn box_range<'g>(
+    sides: &Sides,
+    origin: Expr<'g>,
+    direction: Expr<'g>,
+    wider: Expr<'g>,
+    (near, far): (Expr<'g>, Expr<'g>),
+) -> (Expr<'g>, Expr<'g>) {
+    let along = origin.components().into_iter().zip(direction.components());
+    along.enumerate().fold((near, far), |(near, far), (axis, (from, step))| {
+        // A ray along the planes meets them far away, on either side.
+        let step = step.abs().lt(step.lift(PARALLEL)).select(step.lift(PARALLEL), step);
+        let [low, high] = [-wider + sides.low[axis], wider + sides.high[axis]].map(|plane| (plane - from) / step);
+        (near.max(low.min(high)), far.min(low.max(high)))
+    })
+}
+
+/// Least component of a direction that planes across it are asked for.
+const PARALLEL: f64 = 1e-15;
+
+/// Where a ray is inside a ball around the origin; an empty range where it misses it.
 fn sphere_range<'g>(origin: Expr<'g>, direction: Expr<'g>, radius: Expr<'g>) -> (Expr<'g>, Expr<'g>) {
     let arena = origin.arena;
     let zero = arena.f(0.0);
@@ -168,13 +206,7 @@ pub fn compose_surface_point(arena: &Arena, pixel_radius: f64, min_difference: f
 
 /// Rays towards the sun. Their parameter starts at the hit's own, so that thresholds stay those of the pixel, and `skipped` hit
 /// thresholds further on: what is nearer than a footprint or two is part of the surface that the pixel shows.
-pub fn compose_shadow_ray(
-    arena: &Arena,
-    sun: [f64; 3],
-    pixel_radius: f64,
-    bounding_radius: f64,
-    skipped: f64,
-) -> Function {
+pub fn compose_shadow_ray(arena: &Arena, sun: [f64; 3], pixel_radius: f64, bounds: &Bounds, skipped: f64) -> Function {
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
     ports.push(Port::new("gradient", Type::V3));
@@ -186,7 +218,7 @@ pub fn compose_shadow_ray(
     let sun_direction = arena.v3(sun);
     let hit_eps = ray.t * pixel_radius;
     let start = ray.origin + ray.direction * ray.front(hit_eps) + normal * (hit_eps * 2.0);
-    let (_, far) = sphere_range(start, sun_direction, arena.f(bounding_radius));
+    let (_, far) = range_within(bounds, start, sun_direction, arena.f(0.0));
     let lit = arena.f(0.0).lt(normal.dot(sun_direction));
     let wanted = ray.is_hit.and(lit).and(arena.f(0.0).lt(far));
     let origin = start - sun_direction * ray.t;

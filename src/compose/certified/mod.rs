@@ -32,6 +32,8 @@ use rounding::roundings;
 const MARGIN: f64 = 0.999;
 /// Largest start radius, as a share of the extent of the set.
 const LARGEST_START: f64 = 0.25;
+/// Escape radii that an orbit is followed to for [`Purpose::Proof`].
+const PROOF_ESCAPE: f64 = 16.0;
 
 /// Builds the certified orbit of a node; `purpose` is to march or to probe.
 pub(super) fn compose_certified(
@@ -138,9 +140,8 @@ impl<'a> Builder<'a> {
                 function.output("level", joined.d);
             }
             function.output("s", s);
-            let escape = arena.f(self.settings.escape_radius * self.settings.escape_radius);
             // NaN compares false, so it counts as escaped.
-            function.output("escaped", !next.z.dot(next.z).le(escape));
+            function.output("escaped", !next.z.dot(next.z).le(self.escape_sq(n)));
             items.push(function);
         }
         let mut finish = Function::new(format!("{name}_finish"), ports);
@@ -230,6 +231,19 @@ impl<'a> Builder<'a> {
         // What is not a number is no bound either.
         let cap = |e: Expr<'a>| e.le(arena.f(UNBOUNDED)).select(e, arena.f(UNBOUNDED));
         Ok(Moved { l: cap(added.l), eta: cap(added.eta), ..added })
+    }
+
+    /// The square of the radius from which on an orbit is not followed after its iteration `n`, counted from 0.
+    fn escape_sq(&self, n: Expr<'a>) -> Expr<'a> {
+        let square = |radius: f64| self.composer.arena.f(radius * radius);
+        let escape = square(self.settings.escape_radius);
+        if self.purpose != Purpose::Proof || self.settings.shape.is_some() {
+            return escape;
+        }
+        // What is known of the whole ball once it is far out is more than at the first iteration that its centre escapes at.
+        let further = square(self.settings.escape_radius * PROOF_ESCAPE);
+        let last = self.composer.arena.f(f64::from(self.settings.max_iterations) - 1.5);
+        last.lt(n).select(escape, further)
     }
 
     /// 0 where the start point is short enough for the thresholds, which hold for constants of its length; else the escape
