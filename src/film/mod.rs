@@ -93,7 +93,8 @@ impl Image {
 pub fn srgb_byte(value: f64) -> u8 {
     // Numbers from here on are whole, so that the sum is rounded to one, and that has the last bits.
     const WHOLE: f64 = (1_u64 << 52) as f64;
-    (value.max(0.0).min(1.0) * 255.0 + WHOLE).to_bits() as u8
+    let inside = if value > 0.0 { value.min(1.0) } else { 0.0 };
+    (inside * 255.0 + WHOLE).to_bits() as u8
 }
 
 /// A temporary name in the same folder.
