@@ -69,14 +69,14 @@ fn no_member_is_outside() {
     assert!(boxes >= 8, "{boxes} boxes");
 }
 
-/// As few pixels as a box is looked for.
+/// As few pixels as a box is looked for with 2 x 2 samples.
 const SIZE: Size = Size { width: 512, height: 512 };
 
 /// A picture's kernels with a box and without.
 fn pipelines(formula: &Formula, target: Target, size: Size) -> [(RenderSettings, Pipeline); 2] {
     [true, false].map(|boxed| {
         let min_difference = target.min_difference();
-        let settings = RenderSettings { size, boxed, min_difference, ..RenderSettings::default() };
+        let settings = RenderSettings { size, samples: 2, boxed, min_difference, ..RenderSettings::default() };
         let pipeline = compose_planned(&formula.subject().composer(), &settings, formula.plan().clone());
         let pipeline = pipeline.unwrap_or_else(|e| panic!("{}", e.message));
         assert_eq!(pipeline.bounds.sides.is_some(), boxed);

@@ -11,8 +11,8 @@ use crate::kernel::Kernel;
 use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, SKIPPED, compose_march, compose_shadow_march, shadow_plan};
 use crate::shade::{self, CameraFrame};
 
-/// Pixels of a picture that a search for a box pays for.
-const LEAST_BOXED: u64 = 1 << 18;
+/// Samples of a picture that a search for a box pays for.
+const LEAST_BOXED: u64 = 1 << 20;
 
 /// The kernels of a picture.
 pub struct Pipeline {
@@ -90,7 +90,8 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let frame = CameraFrame::new(&camera);
     let pixel_radius = shade::pixel_radius(&camera, settings.size);
     let mut march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
-    let is_large = u64::from(settings.size.width) * u64::from(settings.size.height) >= LEAST_BOXED;
+    let samples = [settings.size.width, settings.size.height, settings.samples, settings.samples].map(u64::from);
+    let is_large = samples.iter().product::<u64>() >= LEAST_BOXED;
     let bounds = match settings.boxed && is_large && !settings.plain {
         true => Bounds::prove(composer, &plan)?,
         false => Bounds::ball(plan.bounding_radius),
