@@ -34,6 +34,10 @@ fn march(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     var i = k;
     if call.starts == 0u {
+        // How long the list is the host need not know.
+        if k >= listed[0] {
+            return;
+        }
         i = listed[k + 2u];
     }
     $RAY

@@ -146,8 +146,9 @@ impl<'b, B: Backend> Renderer<'b, B> {
             stats: Stats::default(),
         };
         renderer.stats.undecided = shape.is_certified.then_some(0);
-        renderer.stats.compile = start.elapsed();
+        // After what other threads compile.
         renderer.stats.compiling = backend.compiling();
+        renderer.stats.compile = start.elapsed();
         Ok(renderer)
     }
 

@@ -13,7 +13,7 @@ mod slices;
 #[cfg(test)]
 mod tests;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::Duration;
 
 pub use adapter::{AdapterInfoLine, AdapterWanted, adapters};
@@ -22,10 +22,10 @@ pub use program::GpuKernel;
 use super::{Backend, BackendError, Batch, Compiling, Kernel};
 use crate::expr::Arena;
 
-/// Elements of a run that keep a device busy.
-const BATCH: usize = 1 << 16;
-/// Parts of a picture at the same time: one is computed while what another has computed is read and made ready.
-const AT_ONCE: usize = 2;
+/// How work is cut for hardware: it takes less time than the threads that make its work ready and read its results.
+const FOR_HARDWARE: Batch = Batch { elements: 1 << 18, at_once: 4 };
+/// The same for software drivers, which need the threads themselves: one part is computed while what another has computed is read.
+const FOR_SOFTWARE: Batch = Batch { elements: 1 << 16, at_once: 2 };
 /// Time after which a device that does not answer counts as lost.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 
@@ -38,8 +38,8 @@ pub struct Gpu {
     trouble: Trouble,
     cache: pipelines::Cache,
     dispatches: Mutex<Dispatches>,
-    /// Held by the thread whose dispatch is being measured.
-    turn: Mutex<()>,
+    /// Held alone by the thread whose dispatch is being measured, and with others by those that hand over work.
+    turn: RwLock<()>,
 }
 
 /// What a device was given to do, as far as it was waited for.
@@ -92,6 +92,22 @@ fn backend_error(error: &wgpu::Error) -> BackendError {
     }
 }
 
+/// Runs `work` and gives back the first error that the device reported in it, on this thread.
+fn scoped<T>(device: &wgpu::Device, work: impl FnOnce() -> Result<T, BackendError>) -> Result<T, BackendError> {
+    let filters = [wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Validation];
+    let scopes = filters.map(|filter| device.push_error_scope(filter));
+    let result = work();
+    // Use of a buffer for which there was no memory is invalid too: the outer scopes tell the cause.
+    let mut cause = None;
+    for scope in scopes.into_iter().rev() {
+        cause = pollster::block_on(scope.pop()).or(cause);
+    }
+    match cause {
+        Some(error) => Err(backend_error(&error)),
+        None => result,
+    }
+}
+
 impl Gpu {
     /// Opens the best adapter of the kind wanted: discrete before integrated before virtual before software.
     ///
@@ -115,7 +131,7 @@ impl Gpu {
             trouble,
             cache: pipelines::Cache::default(),
             dispatches: Mutex::default(),
-            turn: Mutex::default(),
+            turn: RwLock::default(),
         })
     }
 
@@ -135,24 +151,16 @@ impl Gpu {
         &self.adapter
     }
 
-    /// Runs `work` and gives back the first error that the device reported in it.
+    /// Runs `work` and gives back the first error that the device reported in it or before.
     fn scoped<T>(&self, work: impl FnOnce() -> Result<T, BackendError>) -> Result<T, BackendError> {
         self.trouble.check()?;
-        let filters = [wgpu::ErrorFilter::Internal, wgpu::ErrorFilter::OutOfMemory, wgpu::ErrorFilter::Validation];
-        let scopes = filters.map(|filter| self.device.push_error_scope(filter));
-        let result = work();
-        // Use of a buffer for which there was no memory is invalid too: the outer scopes tell the cause.
-        let mut cause = None;
-        for scope in scopes.into_iter().rev() {
-            cause = pollster::block_on(scope.pop()).or(cause);
+        let result = scoped(&self.device, work);
+        if result.is_err() {
+            // A lost device fails in many ways; that it is lost is told when it is polled.
+            let _ = self.device.poll(wgpu::PollType::Poll);
         }
-        // A loss is told when the device is polled; without it, calls on a lost device do nothing.
-        let _ = self.device.poll(wgpu::PollType::Poll);
         self.trouble.check()?;
-        match cause {
-            Some(error) => Err(backend_error(&error)),
-            None => result,
-        }
+        result
     }
 
     /// A buffer that kernels read and write; never of size 0, which cannot be bound.
@@ -187,14 +195,13 @@ impl Gpu {
         })
     }
 
-    /// Submits commands, waits for them, and hands what they copied into `staging` to `read`.
+    /// Waits for commands and hands what they copied into `staging` to `read`.
     fn read_back<T>(
         &self,
-        encoder: wgpu::CommandEncoder,
+        submission: wgpu::SubmissionIndex,
         staging: &wgpu::Buffer,
         read: impl FnOnce(&[u8]) -> T,
     ) -> Result<T, BackendError> {
-        let submission = self.queue.submit([encoder.finish()]);
         let (sender, mapped) = std::sync::mpsc::channel();
         staging.map_async(wgpu::MapMode::Read, .., move |result| {
             let _ = sender.send(result);
@@ -237,7 +244,7 @@ impl Backend for Gpu {
     type Columns = GpuColumns;
 
     fn batch(&self) -> Batch {
-        Batch { elements: BATCH, at_once: AT_ONCE }
+        if self.adapter.is_software { FOR_SOFTWARE } else { FOR_HARDWARE }
     }
 
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<GpuKernel, BackendError> {
@@ -274,11 +281,11 @@ impl Backend for Gpu {
         self.scoped(|| {
             let bytes = (columns.len * size_of::<f32>()) as u64;
             let staging = self.staging(bytes * numbers.len() as u64);
-            let mut encoder = self.device.create_command_encoder(&Default::default());
+            let mut encoder = self.encoder();
             for (to, &from) in (0..).zip(numbers) {
                 encoder.copy_buffer_to_buffer(&columns.buffer, from as u64 * bytes, &staging, to * bytes, bytes);
             }
-            self.read_back(encoder, &staging, |bytes| {
+            self.read_back(self.submit(encoder), &staging, |bytes| {
                 let values: &[f32] = bytemuck::cast_slice(bytes);
                 values.chunks_exact(columns.len).map(|c| c.iter().map(|&x| f64::from(x)).collect()).collect()
             })

@@ -1,17 +1,21 @@
 //! Kernels as compiled pipelines, each made once: kernels of the same WGSL share theirs.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Instant;
 
+use super::scoped;
 use super::slices::Slices;
 use crate::expr::{Arena, Port};
 use crate::kernel::wgsl::{self, UNIFORMS};
 use crate::kernel::{BackendError, Compiling, Kernel};
 
-/// A kernel as compiled pipelines.
+/// A kernel as a compiled pipeline.
 pub(super) struct Pipelines {
-    pub(super) kind: Kind,
+    pub(super) compiled: Compiled,
+    /// Of a march: most steps of a ray. Other kernels give one value for each element, whatever the others.
+    pub(super) max_march_steps: Option<u32>,
     pub(super) layout: wgpu::BindGroupLayout,
     pub(super) inputs: usize,
     pub(super) outputs: usize,
@@ -20,14 +24,28 @@ pub(super) struct Pipelines {
     pub(super) slices: Slices,
 }
 
-/// How a kernel runs, and with what.
-pub(super) enum Kind {
-    /// One value for each element, whatever the others.
-    Straight(wgpu::ComputePipeline),
-    March {
-        march: wgpu::ComputePipeline,
-        max_march_steps: u32,
-    },
+type Pipeline = Result<wgpu::ComputePipeline, BackendError>;
+
+/// A pipeline that a thread of its own compiles: drivers take their time for each.
+pub(super) struct Compiled {
+    thread: Mutex<Option<JoinHandle<Pipeline>>>,
+    pipeline: OnceLock<Pipeline>,
+}
+
+impl Compiled {
+    fn start(compile: impl FnOnce() -> Pipeline + Send + 'static) -> Compiled {
+        Compiled { thread: Mutex::new(Some(std::thread::spawn(compile))), pipeline: OnceLock::new() }
+    }
+
+    /// The pipeline, as soon as it is there.
+    pub(super) fn get(&self) -> Result<&wgpu::ComputePipeline, BackendError> {
+        let wait = || {
+            let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let ended_early = || Err(BackendError::DeviceLost("its compiler ended early".into()));
+            thread.and_then(|thread| thread.join().ok()).unwrap_or_else(ended_early)
+        };
+        self.pipeline.get_or_init(wait).as_ref().map_err(Clone::clone)
+    }
 }
 
 /// Pipelines by what they depend on: their WGSL (which holds no limit of march steps) and that limit.
@@ -37,21 +55,20 @@ type Known = HashMap<(String, u32), Arc<Pipelines>>;
 #[derive(Default)]
 pub(super) struct Cache {
     known: Mutex<Known>,
-    compiling: Mutex<Compiling>,
+    compiling: Arc<Mutex<Compiling>>,
 }
 
 impl Cache {
-    /// Compiling so far.
+    /// Compiling so far, after what is under way.
     pub(super) fn compiling(&self) -> Compiling {
+        let known: Vec<_> = self.known.lock().unwrap_or_else(PoisonError::into_inner).values().cloned().collect();
+        // An error is told to whoever runs the kernel.
+        known.iter().for_each(|pipelines| drop(pipelines.compiled.get()));
         *self.compiling.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn count(&self, own: Duration, driver: Duration, compiled: bool) {
-        let mut compiling = self.compiling.lock().unwrap_or_else(PoisonError::into_inner);
-        compiling.kernels += 1;
-        compiling.compiled += u32::from(compiled);
-        compiling.own += own;
-        compiling.driver += driver;
+    fn count(&self, add: impl FnOnce(&mut Compiling)) {
+        add(&mut self.compiling.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
     /// The pipelines of a kernel: written, validated and compiled where no kernel of the same text was. Device errors go
@@ -69,50 +86,40 @@ impl Cache {
         };
         let key = (wgsl::write(arena, kernel), limit);
         let known = self.known.lock().unwrap_or_else(PoisonError::into_inner).get(&key).cloned();
+        self.count(|compiling| compiling.kernels += 1);
         if let Some(known) = known {
-            self.count(started.elapsed(), Duration::ZERO, false);
+            self.count(|compiling| compiling.own += started.elapsed());
             return Ok(known);
         }
         let (module, _) = wgsl::validate(&key.0)?;
-        let own = started.elapsed();
-        let pipelines = Arc::new(Pipelines::new(device, arena, kernel, module));
-        self.count(own, started.elapsed() - own, true);
+        self.count(|compiling| {
+            compiling.compiled += 1;
+            compiling.own += started.elapsed();
+        });
+        let pipelines = Arc::new(self.start(device, arena, kernel, module));
         self.known.lock().unwrap_or_else(PoisonError::into_inner).insert(key, pipelines.clone());
         Ok(pipelines)
     }
-}
 
-impl Pipelines {
-    fn new(device: &wgpu::Device, arena: &Arena, kernel: &Kernel, module: naga::Module) -> Pipelines {
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module)),
-        });
-        let buffers = if matches!(kernel, Kernel::March(_)) { 5 } else { 3 };
+    /// The pipelines of a kernel, which begin to be compiled.
+    fn start(&self, device: &wgpu::Device, arena: &Arena, kernel: &Kernel, module: naga::Module) -> Pipelines {
+        let max_march_steps = match kernel {
+            Kernel::March(march) => Some(march.max_march_steps),
+            Kernel::Map(_) | Kernel::Estimate(_) => None,
+        };
         let uniforms = kernel.uniforms(arena);
-        let layout = bind_group_layout(device, buffers, uniforms > 0);
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            bind_group_layouts: &[Some(&layout)],
-            ..Default::default()
-        });
-        let entry = wgsl::entry_point(kernel);
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(entry),
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(entry),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                zero_initialize_workgroup_memory: false,
-                ..Default::default()
-            },
-            cache: None,
-        });
-        let kind = match kernel {
-            Kernel::Map(_) | Kernel::Estimate(_) => Kind::Straight(pipeline),
-            Kernel::March(march) => Kind::March { march: pipeline, max_march_steps: march.max_march_steps },
+        let layout = bind_group_layout(device, if max_march_steps.is_some() { 5 } else { 3 }, uniforms > 0);
+        let (entry, compiling) = (wgsl::entry_point(kernel), self.compiling.clone());
+        let (device, layout_of_it) = (device.clone(), layout.clone());
+        let compile = move || {
+            let started = Instant::now();
+            let pipeline = scoped(&device, || Ok(compile(&device, module, entry, &layout_of_it)));
+            compiling.lock().unwrap_or_else(PoisonError::into_inner).driver += started.elapsed();
+            pipeline
         };
         Pipelines {
-            kind,
+            compiled: Compiled::start(compile),
+            max_march_steps,
             layout,
             inputs: Port::scalars(&kernel.inputs()),
             outputs: Port::scalars(&kernel.outputs()),
@@ -120,6 +127,33 @@ impl Pipelines {
             slices: Slices::new(),
         }
     }
+}
+
+fn compile(
+    device: &wgpu::Device,
+    module: naga::Module,
+    entry: &str,
+    layout: &wgpu::BindGroupLayout,
+) -> wgpu::ComputePipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module)),
+    });
+    let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        bind_group_layouts: &[Some(layout)],
+        ..Default::default()
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(entry),
+        layout: Some(&pipeline_layout),
+        module: &module,
+        entry_point: Some(entry),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            zero_initialize_workgroup_memory: false,
+            ..Default::default()
+        },
+        cache: None,
+    })
 }
 
 /// Binding 0 and that of the uniforms are uniforms, 1 and 3 are read, 2 and 4 are written too.

@@ -3,7 +3,7 @@
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::pipelines::{Kind, Pipelines};
+use super::pipelines::Pipelines;
 use super::{Gpu, GpuColumns};
 use crate::kernel::BackendError;
 use crate::kernel::wgsl::{SAMPLED, UNIFORMS, WORKGROUP};
@@ -45,13 +45,21 @@ struct Part {
     starts: bool,
 }
 
+/// A kernel that marches.
+struct March<'a> {
+    kernel: &'a GpuKernel,
+    pipeline: &'a wgpu::ComputePipeline,
+    /// Most steps of a ray.
+    most: u32,
+}
+
 /// Buffers of a march: two lists of running rays (count, work, then numbers), read and written in turns.
 struct MarchBuffers {
     lists: [wgpu::Buffer; 2],
-    groups: [wgpu::BindGroup; 2],
-    call: wgpu::Buffer,
-    /// Where count and work are read.
-    counts: wgpu::Buffer,
+    /// The uniforms of dispatches that are submitted together.
+    calls: [wgpu::Buffer; PASSES.len()],
+    /// For each of them, with the list that an even or odd number reads.
+    groups: [wgpu::BindGroup; PASSES.len()],
 }
 
 impl Gpu {
@@ -64,34 +72,42 @@ impl Gpu {
         if len == 0 {
             return Ok(outputs);
         }
+        let mut encoder = self.encoder();
         let joined;
         let input = match inputs {
             [only] => *only,
             _ => {
-                joined = self.join(inputs, given, len)?;
+                joined = self.join(&mut encoder, inputs, given, len)?;
                 &joined
             }
         };
-        match &kernel.pipelines.kind {
-            Kind::Straight(pipeline) => self.run_parts(kernel, pipeline, input, &outputs)?,
-            Kind::March { march, max_march_steps } => {
-                self.run_march(kernel, march, *max_march_steps, input, &outputs)?;
-            }
+        let pipeline = kernel.pipelines.compiled.get()?;
+        match kernel.pipelines.max_march_steps {
+            None => self.run_parts(encoder, kernel, pipeline, input, &outputs)?,
+            Some(most) => self.run_march(encoder, &March { kernel, pipeline, most }, input, &outputs)?,
         }
         Ok(outputs)
     }
 
+    pub(super) fn encoder(&self) -> wgpu::CommandEncoder {
+        self.device.create_command_encoder(&Default::default())
+    }
+
     /// Columns one after the other in one buffer.
-    fn join(&self, inputs: &[&GpuColumns], columns: usize, len: usize) -> Result<GpuColumns, BackendError> {
+    fn join(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        inputs: &[&GpuColumns],
+        columns: usize,
+        len: usize,
+    ) -> Result<GpuColumns, BackendError> {
         let joined = self.columns(columns, len)?;
-        let mut encoder = self.device.create_command_encoder(&Default::default());
         let mut at = 0;
         for input in inputs {
             let bytes = (input.columns * len * size_of::<f32>()) as u64;
             encoder.copy_buffer_to_buffer(&input.buffer, 0, &joined.buffer, at, bytes);
             at += bytes;
         }
-        self.queue.submit([encoder.finish()]);
         Ok(joined)
     }
 
@@ -142,14 +158,15 @@ impl Gpu {
         })
     }
 
-    /// Commands of one dispatch. The uniform is written when they are submitted.
+    /// Adds the commands of one dispatch. The uniform is written before any of what is submitted next.
     fn dispatch(
         &self,
+        encoder: &mut wgpu::CommandEncoder,
         pipeline: &wgpu::ComputePipeline,
         group: &wgpu::BindGroup,
         call: &wgpu::Buffer,
         part: Part,
-    ) -> wgpu::CommandEncoder {
+    ) {
         let groups = (part.end - part.first).div_ceil(WORKGROUP);
         let width = groups.min(self.device.limits().max_compute_workgroups_per_dimension);
         let uniform = Call {
@@ -163,19 +180,16 @@ impl Gpu {
             padding: 0,
         };
         self.queue.write_buffer(call, 0, bytemuck::bytes_of(&uniform));
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(width, groups.div_ceil(width), 1);
-        }
-        encoder
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, group, &[]);
+        pass.dispatch_workgroups(width, groups.div_ceil(width), 1);
     }
 
     /// Elements in parts, each waited for and measured; all at once, and unmeasured, where that is short for certain.
     fn run_parts(
         &self,
+        mut encoder: wgpu::CommandEncoder,
         kernel: &GpuKernel,
         pipeline: &wgpu::ComputePipeline,
         input: &GpuColumns,
@@ -187,14 +201,16 @@ impl Gpu {
         let (mut first, len) = (0, input.len as u32);
         let part = |first, end| Part { n: input.len, first, end, steps: [0; 2], starts: false };
         if len <= slices.elements() / 2 {
-            let encoder = self.dispatch(pipeline, &group, &call, part(0, len));
-            self.queue.submit([encoder.finish()]);
+            self.dispatch(&mut encoder, pipeline, &group, &call, part(0, len));
+            self.submit(encoder);
             return Ok(());
         }
+        self.submit(encoder);
         while first < len {
             let end = len.min(first.saturating_add(slices.elements()));
             let ((), took) = self.measured(|| {
-                let encoder = self.dispatch(pipeline, &group, &call, part(first, end));
+                let mut encoder = self.encoder();
+                self.dispatch(&mut encoder, pipeline, &group, &call, part(first, end));
                 self.wait_for(self.queue.submit([encoder.finish()]))
             })?;
             slices.learn(end - first, took);
@@ -203,9 +219,16 @@ impl Gpu {
         Ok(())
     }
 
-    /// Does something with the device and waits for it, on an idle device and while no other thread does so: gives its time.
+    /// Hands commands over without waiting for them, at a time when nothing is measured.
+    pub(super) fn submit(&self, encoder: wgpu::CommandEncoder) -> wgpu::SubmissionIndex {
+        let _others = self.turn.read().unwrap_or_else(PoisonError::into_inner);
+        self.queue.submit([encoder.finish()])
+    }
+
+    /// Does something with the device and waits for it, on an idle device and while no other thread gives it work: gives its
+    /// time.
     fn measured<T>(&self, work: impl FnOnce() -> Result<T, BackendError>) -> Result<(T, Duration), BackendError> {
-        let _turn = self.turn.lock().unwrap_or_else(PoisonError::into_inner);
+        let _alone = self.turn.write().unwrap_or_else(PoisonError::into_inner);
         self.wait()?;
         let start = Instant::now();
         let result = work()?;
@@ -214,19 +237,34 @@ impl Gpu {
         Ok((result, took))
     }
 
-    /// Marches in slices until no ray runs or steps have run out. Twin: `run_march` in `kernel/cpu.rs`.
+    /// Marches until no ray runs or steps have run out: without waiting where that is short for certain, else in slices. Twin:
+    /// `run_march` in `kernel/cpu.rs`.
     fn run_march(
         &self,
-        kernel: &GpuKernel,
-        march: &wgpu::ComputePipeline,
-        max_march_steps: u32,
+        mut encoder: wgpu::CommandEncoder,
+        march: &March,
         input: &GpuColumns,
         outputs: &GpuColumns,
     ) -> Result<(), BackendError> {
-        let buffers = self.march_buffers(kernel, input, outputs)?;
-        let (mut running, mut pass) = (input.len as u32, 0);
+        let n = input.len;
+        let buffers = self.march_buffers(march.kernel, input, outputs)?;
+        let (mut running, mut pass) = (n as u32, 0);
+        match march.kernel.pipelines.slices.unwatched(running, march.most) {
+            None => drop(self.submit(encoder)),
+            Some(steps) => {
+                self.add_passes(&mut encoder, march, &buffers, n, steps);
+                if steps == march.most {
+                    self.submit(encoder);
+                    return Ok(());
+                }
+                let counts = self.staging(COUNTS);
+                pass = PASSES.len();
+                encoder.copy_buffer_to_buffer(&buffers.lists[pass % 2], 0, &counts, 0, COUNTS);
+                [running, _] = self.read_back(self.submit(encoder), &counts, read_counts)?;
+            }
+        }
         while running > 0 {
-            running = self.run_pass(kernel, march, &buffers, pass, (input.len, running, max_march_steps))?;
+            running = self.run_pass(march, &buffers, pass, n, running)?;
             pass += 1;
         }
         Ok(())
@@ -240,36 +278,57 @@ impl Gpu {
     ) -> Result<MarchBuffers, BackendError> {
         let bytes = ((input.len + 2) * size_of::<u32>()) as u64;
         let lists = [self.storage(bytes)?, self.storage(bytes)?];
-        let call = self.call_buffer();
-        let groups = [0, 1]
-            .map(|read| self.bind(kernel, &[&call, &input.buffer, &outputs.buffer, &lists[read], &lists[1 - read]]));
-        Ok(MarchBuffers { lists, groups, call, counts: self.staging(COUNTS) })
+        let calls = [(); PASSES.len()].map(|()| self.call_buffer());
+        let group = |i: usize| {
+            let [read, written] = [&lists[i % 2], &lists[1 - i % 2]];
+            self.bind(kernel, &[&calls[i], &input.buffer, &outputs.buffer, read, written])
+        };
+        let groups = std::array::from_fn(group);
+        Ok(MarchBuffers { lists, calls, groups })
+    }
+
+    /// Adds the commands of a march of up to so many steps: passes over the rays that still run, whose number the device alone knows.
+    fn add_passes(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        march: &March,
+        buffers: &MarchBuffers,
+        n: usize,
+        most: u32,
+    ) {
+        for (pass, steps) in PASSES.into_iter().enumerate() {
+            let part = Part { n, first: 0, end: n as u32, steps: [steps.min(most), march.most], starts: pass == 0 };
+            encoder.clear_buffer(&buffers.lists[1 - pass % 2], 0, Some(COUNTS));
+            self.dispatch(encoder, march.pipeline, &buffers.groups[pass], &buffers.calls[pass], part);
+        }
     }
 
     /// Advances all running rays, in the first pass all there are, by slices as they fit: in as many dispatches as their number calls
     /// for. Gives how many go on.
     fn run_pass(
         &self,
-        kernel: &GpuKernel,
-        march: &wgpu::ComputePipeline,
+        march: &March,
         buffers: &MarchBuffers,
         pass: usize,
-        (n, running, most): (usize, u32, u32),
+        n: usize,
+        running: u32,
     ) -> Result<u32, BackendError> {
         let read = pass % 2;
         let written = &buffers.lists[1 - read];
         self.queue.write_buffer(written, 0, &[0; COUNTS as usize]);
-        let slices = &kernel.pipelines.slices;
+        let slices = &march.kernel.pipelines.slices;
+        let counts = self.staging(COUNTS);
         let (mut first, mut going_on, mut worked) = (0, 0, 0);
         while first < running {
             // What a slice tells decides how large the next one is, in the same pass too: rays may be at different steps.
-            let slice = slices.slice(running - first, most);
+            let slice = slices.slice(running - first, march.most);
             let end = running.min(first.saturating_add(slice.rays));
-            let part = Part { n, first, end, steps: [slice.steps, most], starts: pass == 0 };
+            let part = Part { n, first, end, steps: [slice.steps, march.most], starts: pass == 0 };
             let ([count, work], took) = self.measured(|| {
-                let mut encoder = self.dispatch(march, &buffers.groups[read], &buffers.call, part);
-                encoder.copy_buffer_to_buffer(written, 0, &buffers.counts, 0, COUNTS);
-                self.read_back(encoder, &buffers.counts, read_counts)
+                let mut encoder = self.encoder();
+                self.dispatch(&mut encoder, march.pipeline, &buffers.groups[read], &buffers.calls[read], part);
+                encoder.copy_buffer_to_buffer(written, 0, &counts, 0, COUNTS);
+                self.read_back(self.queue.submit([encoder.finish()]), &counts, read_counts)
             })?;
             slices.learn_slice(slice, work.wrapping_sub(worked).saturating_mul(SAMPLED), count > going_on, took);
             (first, going_on, worked) = (end, count, work);
@@ -277,6 +336,9 @@ impl Gpu {
         Ok(going_on)
     }
 }
+
+/// Steps of the passes of a march that nobody waits for: most rays end in the first, and few are left for the last.
+const PASSES: [u32; 3] = [48, 192, u32::MAX];
 
 /// Bytes at the head of a list: how many rays go on, and the estimates that were counted.
 const COUNTS: u64 = 8;

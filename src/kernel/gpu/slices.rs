@@ -29,6 +29,9 @@ const STEPS: f64 = 64.0;
 /// Elements that a device takes at the same time: it is not cut into parts of fewer to get longer slices.
 const PARALLEL: f64 = 4096.0;
 
+/// Steps that rays of a picture do not go on average: with so many a march is reckoned that cannot be stopped.
+const ASKED: u32 = 512;
+
 /// What has been learnt about a kernel; kept from call to call.
 #[derive(Debug)]
 pub(super) struct Slices(Mutex<Learnt>);
@@ -69,9 +72,25 @@ impl Slices {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Takes as known how many seconds an estimate takes, and a step of a ray.
+    #[cfg(test)]
+    pub(super) fn know(&self, price: f64, step: f64) {
+        *self.learnt() = Learnt { has_run: true, largest: MOST, price, step };
+    }
+
     /// Most elements of a dispatch that makes one estimate for each.
     pub(super) fn elements(&self) -> u32 {
         self.learnt().allowed() as u32
+    }
+
+    /// Steps that a march of so many rays, each of up to `most` steps, may go without being watched: it ends in time whatever
+    /// the rays are. `None` where that is not sure.
+    pub(super) fn unwatched(&self, rays: u32, most: u32) -> Option<u32> {
+        let learnt = self.learnt();
+        let in_time = TOO_LONG.as_secs_f64();
+        let all = learnt.price * f64::from(rays) * f64::from(most.min(ASKED));
+        let steps = if learnt.step > 0.0 { (in_time / 2.0 / learnt.step) as u32 } else { most };
+        (learnt.price > 0.0 && all <= in_time && steps >= ASKED).then_some(steps.min(most))
     }
 
     /// The next slice of a march in which up to `running` rays have up to `left` steps to go.
@@ -169,6 +188,22 @@ mod tests {
         assert_eq!(slices.elements(), FEWEST);
         let (_, count) = simulate(&slices, 1 << 16, 1e-8);
         assert!(count <= 4, "{count}");
+    }
+
+    #[test]
+    fn only_what_ends_in_time_goes_without_being_watched() {
+        let slices = Slices::new();
+        assert_eq!(slices.unwatched(1 << 16, 1000), None);
+        // 512 estimates for each of 65536 rays, in 67 ms.
+        slices.know(2e-9, 0.0);
+        assert_eq!(slices.unwatched(1 << 16, 1000), Some(1000));
+        assert_eq!(slices.unwatched(1 << 17, 1000), None);
+        // One ray of 1000 steps in 40 ms, one of 20000 in 800.
+        slices.know(2e-9, 4e-5);
+        assert_eq!(slices.unwatched(1 << 16, 1000), Some(1000));
+        assert_eq!(slices.unwatched(1 << 16, 20_000), Some(1250));
+        slices.know(2e-9, 1e-4);
+        assert_eq!(slices.unwatched(1 << 16, 1000), None);
     }
 
     #[test]

@@ -2,13 +2,13 @@
 
 use std::time::Instant;
 
-use super::{AdapterWanted, Gpu, adapters};
+use super::{AdapterWanted, Gpu, GpuKernel, adapters};
 use crate::expr::ops::Operator;
 use crate::expr::{Arena, Expr, Function, Port, Type};
-use crate::graph::Schedule;
+use crate::graph::{EstimateSettings, Method, Schedule};
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::wgsl::tests::{pipeline, scheduled};
-use crate::kernel::{Backend, BackendError, Estimator, Kernel, Status};
+use crate::kernel::{Backend, BackendError, Estimator, Kernel, Status, march_output_ports};
 use crate::render::{Pipeline, RenderSettings, Renderer};
 use crate::shade::Size;
 
@@ -257,6 +257,37 @@ fn depths_agree_with_the_cpu() {
             // Rays that graze the surface may go either way; the rest has chaotic features below single precision.
             assert!(ends > 0.99 && depths > 0.95, "{name} {precision:?}: {ends} {depths}");
         }
+    }
+}
+
+/// What is known for a fast device lets a march go without being watched, and its results are those of slices.
+#[test]
+fn marches_that_nobody_watches_end_as_those_in_slices() {
+    let Some(gpu) = gpu() else { return };
+    let size = Size { width: 320, height: 240 };
+    // So short steps that some rays take more than a thousand.
+    let estimate = EstimateSettings { method: Some(Method::Scalar), fudge: Some(0.01), ..Default::default() };
+    let settings = RenderSettings { size, estimate, plain: true, ..Default::default() };
+    let (arena, pipeline) = pipeline("mandelbulb", &settings);
+    let rays = gpu.upload(&rays(&arena, &pipeline, size)).expect("little memory");
+    let prepare = || gpu.prepare(&arena, &pipeline.march).expect("a legal kernel");
+    let ends = |kernel: &GpuKernel| {
+        let before = gpu.dispatches().count;
+        let ends = gpu.run(kernel, &[&rays]).and_then(|ends| gpu.download(&ends)).expect("it runs");
+        (ends, gpu.dispatches().count - before)
+    };
+    let (in_slices, watched) = ends(&prepare());
+    assert!(watched > 1, "{watched}");
+    let steps = march_output_ports().iter().position(|port| port.name == "steps").expect("marches count");
+    let unfinished = in_slices[steps].iter().filter(|&&steps| steps > 800.0).count();
+    assert!(unfinished > 100, "{unfinished} long rays");
+    let slices = &gpu.prepare(&arena, &pipeline.march).expect("a legal kernel").pipelines.slices;
+    // The longest rays in time, then only so long that some are left, then nothing for certain.
+    for (price, step, is_watched) in [(1e-12, 1e-6, false), (1e-12, 9e-5, true), (1e-3, 1e-6, true)] {
+        slices.know(price, step);
+        let (ends, watched) = ends(&prepare());
+        assert!(ends == in_slices, "{price} s an estimate, {step} s a step");
+        assert_eq!(watched > 0, is_watched, "{price} s an estimate, {step} s a step");
     }
 }
 
