@@ -38,6 +38,9 @@ pub struct Gpu {
     trouble: Trouble,
     cache: pipelines::Cache,
     dispatches: Mutex<Dispatches>,
+    /// Commands that are handed over with the next ones that somebody waits for: each time costs the host as much as all that
+    /// it records for a kernel. Locked after `turn`.
+    pending: Mutex<Vec<wgpu::CommandBuffer>>,
     /// Held alone by the thread whose dispatch is being measured, and with others by those that hand over work.
     turn: RwLock<()>,
 }
@@ -131,6 +134,7 @@ impl Gpu {
             trouble,
             cache: pipelines::Cache::default(),
             dispatches: Mutex::default(),
+            pending: Mutex::default(),
             turn: RwLock::default(),
         })
     }
@@ -220,6 +224,25 @@ impl Gpu {
         Ok(result)
     }
 
+    /// Takes commands that nobody waits for.
+    fn add(&self, encoder: wgpu::CommandEncoder) {
+        let commands = encoder.finish();
+        self.pending.lock().unwrap_or_else(PoisonError::into_inner).push(commands);
+    }
+
+    /// Hands commands over, and those before them, at a time when nothing is measured.
+    fn hand_over(&self, encoder: wgpu::CommandEncoder) -> wgpu::SubmissionIndex {
+        let _others = self.turn.read().unwrap_or_else(PoisonError::into_inner);
+        self.add(encoder);
+        self.flush()
+    }
+
+    /// Hands over what is pending. Whoever calls this has the turn.
+    fn flush(&self) -> wgpu::SubmissionIndex {
+        let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
+        self.queue.submit(pending.drain(..))
+    }
+
     /// Waits until the device has done all that was submitted.
     fn wait(&self) -> Result<(), BackendError> {
         self.poll(None)
@@ -262,10 +285,14 @@ impl Backend for Gpu {
     fn upload(&self, columns: &[Vec<f64>]) -> Result<GpuColumns, BackendError> {
         self.scoped(|| {
             let result = self.columns(columns.len(), columns.first().map_or(0, Vec::len))?;
-            let values: Vec<f32> = columns.iter().flatten().map(|&x| x as f32).collect();
-            if !values.is_empty() {
-                self.queue.write_buffer(&result.buffer, 0, bytemuck::cast_slice(&values));
-            }
+            let Some(size) = std::num::NonZeroU64::new((result.columns * result.len * size_of::<f32>()) as u64) else {
+                return Ok(result);
+            };
+            let refused = || BackendError::DeviceLost("it takes no data".into());
+            let mut view = self.queue.write_buffer_with(&result.buffer, 0, size).ok_or_else(refused)?;
+            let (numbers, _) = view.slice(..).into_chunks::<{ size_of::<f32>() }>();
+            numbers.write_iter(columns.iter().flatten().map(|&x| (x as f32).to_ne_bytes()));
+            drop(view);
             Ok(result)
         })
     }
@@ -285,7 +312,7 @@ impl Backend for Gpu {
             for (to, &from) in (0..).zip(numbers) {
                 encoder.copy_buffer_to_buffer(&columns.buffer, from as u64 * bytes, &staging, to * bytes, bytes);
             }
-            self.read_back(self.submit(encoder), &staging, |bytes| {
+            self.read_back(self.hand_over(encoder), &staging, |bytes| {
                 let values: &[f32] = bytemuck::cast_slice(bytes);
                 values.chunks_exact(columns.len).map(|c| c.iter().map(|&x| f64::from(x)).collect()).collect()
             })

@@ -9,6 +9,7 @@ use super::scoped;
 use super::slices::Slices;
 use crate::expr::{Arena, Port};
 use crate::kernel::wgsl::{self, UNIFORMS};
+use crate::kernel::work::Work;
 use crate::kernel::{BackendError, Compiling, Kernel};
 
 /// A kernel as a compiled pipeline.
@@ -124,9 +125,21 @@ impl Cache {
             inputs: Port::scalars(&kernel.inputs()),
             outputs: Port::scalars(&kernel.outputs()),
             uniforms,
-            slices: Slices::new(),
+            slices: slices_of(arena, kernel),
         }
     }
+}
+
+/// How a kernel's work is cut before anything of it is measured.
+fn slices_of(arena: &Arena, kernel: &Kernel) -> Slices {
+    let orbits = match kernel {
+        Kernel::Map(_) => &[][..],
+        Kernel::Estimate(estimator) => &estimator.orbits,
+        Kernel::March(march) => &march.estimator.orbits,
+    };
+    let iterations: u32 = orbits.iter().map(|orbit| orbit.max_iterations).sum();
+    let products = Work::of(arena, kernel).total(1.0, f64::from(iterations));
+    Slices::new(products, matches!(kernel, Kernel::Map(_)))
 }
 
 fn compile(

@@ -202,10 +202,10 @@ impl Gpu {
         let part = |first, end| Part { n: input.len, first, end, steps: [0; 2], starts: false };
         if len <= slices.elements() / 2 {
             self.dispatch(&mut encoder, pipeline, &group, &call, part(0, len));
-            self.submit(encoder);
+            self.add(encoder);
             return Ok(());
         }
-        self.submit(encoder);
+        self.add(encoder);
         while first < len {
             let end = len.min(first.saturating_add(slices.elements()));
             let ((), took) = self.measured(|| {
@@ -219,16 +219,11 @@ impl Gpu {
         Ok(())
     }
 
-    /// Hands commands over without waiting for them, at a time when nothing is measured.
-    pub(super) fn submit(&self, encoder: wgpu::CommandEncoder) -> wgpu::SubmissionIndex {
-        let _others = self.turn.read().unwrap_or_else(PoisonError::into_inner);
-        self.queue.submit([encoder.finish()])
-    }
-
     /// Does something with the device and waits for it, on an idle device and while no other thread gives it work: gives its
     /// time.
     fn measured<T>(&self, work: impl FnOnce() -> Result<T, BackendError>) -> Result<(T, Duration), BackendError> {
         let _alone = self.turn.write().unwrap_or_else(PoisonError::into_inner);
+        self.flush();
         self.wait()?;
         let start = Instant::now();
         let result = work()?;
@@ -250,17 +245,18 @@ impl Gpu {
         let buffers = self.march_buffers(march.kernel, input, outputs)?;
         let (mut running, mut pass) = (n as u32, 0);
         match march.kernel.pipelines.slices.unwatched(running, march.most) {
-            None => drop(self.submit(encoder)),
+            None => self.add(encoder),
             Some(steps) => {
                 self.add_passes(&mut encoder, march, &buffers, n, steps);
                 if steps == march.most {
-                    self.submit(encoder);
+                    // The dearest kernels: the device begins at once.
+                    self.hand_over(encoder);
                     return Ok(());
                 }
                 let counts = self.staging(COUNTS);
                 pass = PASSES.len();
                 encoder.copy_buffer_to_buffer(&buffers.lists[pass % 2], 0, &counts, 0, COUNTS);
-                [running, _] = self.read_back(self.submit(encoder), &counts, read_counts)?;
+                [running, _] = self.read_back(self.hand_over(encoder), &counts, read_counts)?;
             }
         }
         while running > 0 {

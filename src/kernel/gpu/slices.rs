@@ -15,8 +15,10 @@ const TARGET: Duration = Duration::from_millis(12);
 const TOO_LONG: Duration = Duration::from_millis(100);
 /// How much longer than expected a dispatch may take and still end in time.
 const MARGIN: f64 = 8.0;
-/// Least work of a dispatch, and of the first: a few workgroups.
+/// Least work of a dispatch: a few workgroups.
 const FEWEST: u32 = 256;
+/// Products of two numbers that any device takes in a second at least: what work is reckoned with before it is measured.
+const LEAST_RATE: f64 = 1e9;
 /// Most work of a dispatch.
 const MOST: f64 = (1 << 26) as f64;
 /// How much more work than the largest dispatch so far one may get.
@@ -34,7 +36,11 @@ const ASKED: u32 = 512;
 
 /// What has been learnt about a kernel; kept from call to call.
 #[derive(Debug)]
-pub(super) struct Slices(Mutex<Learnt>);
+pub(super) struct Slices {
+    /// Work of the first dispatch.
+    first: f64,
+    learnt: Mutex<Learnt>,
+}
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Learnt {
@@ -57,19 +63,26 @@ pub(super) struct Slice {
 
 impl Learnt {
     /// Work that takes the target time.
-    fn allowed(&self) -> f64 {
-        let affordable = if self.price > 0.0 { TARGET.as_secs_f64() / self.price } else { 0.0 };
-        affordable.min(self.largest * GROWTH).clamp(f64::from(FEWEST), MOST)
+    fn allowed(&self, first: f64) -> f64 {
+        if self.price > 0.0 {
+            let affordable = TARGET.as_secs_f64() / self.price;
+            return affordable.min(self.largest * GROWTH).clamp(f64::from(FEWEST), MOST);
+        }
+        first
     }
 }
 
 impl Slices {
-    pub(super) fn new() -> Slices {
-        Slices(Mutex::default())
+    /// Nothing is known but how many products of numbers an estimate takes at most: of the first dispatch any device makes
+    /// so many that they take it the target time, and elements that need no loop it makes all at once.
+    pub(super) fn new(products: f64, is_straight: bool) -> Slices {
+        let time = if is_straight { 2 * TOO_LONG } else { TARGET };
+        let first = LEAST_RATE * time.as_secs_f64() / products.max(1.0);
+        Slices { first: first.clamp(f64::from(FEWEST), MOST), learnt: Mutex::default() }
     }
 
     fn learnt(&self) -> MutexGuard<'_, Learnt> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.learnt.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Takes as known how many seconds an estimate takes, and a step of a ray.
@@ -80,7 +93,7 @@ impl Slices {
 
     /// Most elements of a dispatch that makes one estimate for each.
     pub(super) fn elements(&self) -> u32 {
-        self.learnt().allowed() as u32
+        self.learnt().allowed(self.first) as u32
     }
 
     /// Steps that a march of so many rays, each of up to `most` steps, may go without being watched: it ends in time whatever
@@ -96,7 +109,7 @@ impl Slices {
     /// The next slice of a march in which up to `running` rays have up to `left` steps to go.
     pub(super) fn slice(&self, running: u32, left: u32) -> Slice {
         let learnt = *self.learnt();
-        let most = learnt.allowed() * MARGIN;
+        let most = learnt.allowed(self.first) * MARGIN;
         let wanted = (most / f64::from(running)).max(STEPS).min(most / f64::from(running).min(PARALLEL));
         let in_time = if learnt.step > 0.0 { (TOO_LONG / 2).as_secs_f64() / learnt.step } else { wanted };
         let steps = wanted.min(in_time).clamp(1.0, f64::from(left));
@@ -125,7 +138,7 @@ impl Slices {
             return;
         }
         let work = f64::from(work.max(1));
-        if work * 4.0 >= learnt.allowed() || took > TOO_LONG {
+        if work * 4.0 >= learnt.allowed(self.first) || took > TOO_LONG {
             // The largest says most: the way to the device has the smallest part in it.
             let remembered = if work > learnt.largest { 0.0 } else { learnt.price * MEMORY };
             learnt.price = (took.as_secs_f64() / work).max(remembered);
@@ -137,6 +150,11 @@ impl Slices {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A kernel so dear that its first dispatch is as small as any.
+    fn unknown() -> Slices {
+        Slices::new(1e9, false)
+    }
 
     /// Dispatches estimates on a device that takes `price` seconds for one and as much as 100 more for each dispatch. Gives the
     /// longest dispatch, and how many there were.
@@ -154,7 +172,7 @@ mod tests {
     #[test]
     fn no_dispatch_is_long_on_fast_and_slow_devices() {
         for price in [1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4] {
-            let slices = Slices::new();
+            let slices = unknown();
             let (longest, _) = simulate(&slices, 1 << 17, price);
             assert!(longest < TOO_LONG, "{price}: {longest:?}");
             // A part of the picture where everything is eight times as dear; 256 elements are never cut.
@@ -165,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_fast_device_soon_gets_all_at_once() {
-        let slices = Slices::new();
+        let slices = unknown();
         let (_, count) = simulate(&slices, 1 << 20, 1e-9);
         assert!(count <= 6, "{count}");
         assert_eq!(simulate(&slices, 1 << 20, 1e-9).1, 1);
@@ -173,7 +191,7 @@ mod tests {
 
     #[test]
     fn the_way_to_the_device_is_no_price_of_the_kernel() {
-        let slices = Slices::new();
+        let slices = unknown();
         for _ in 0..8 {
             slices.learn(slices.elements(), Duration::from_millis(1));
         }
@@ -183,7 +201,7 @@ mod tests {
     /// The driver's compiler takes a hundred times as long as the first dispatch itself, and says nothing of the others.
     #[test]
     fn the_compiler_is_no_price_of_the_kernel() {
-        let slices = Slices::new();
+        let slices = unknown();
         slices.learn(slices.elements(), Duration::from_millis(90));
         assert_eq!(slices.elements(), FEWEST);
         let (_, count) = simulate(&slices, 1 << 16, 1e-8);
@@ -192,7 +210,7 @@ mod tests {
 
     #[test]
     fn only_what_ends_in_time_goes_without_being_watched() {
-        let slices = Slices::new();
+        let slices = unknown();
         assert_eq!(slices.unwatched(1 << 16, 1000), None);
         // 512 estimates for each of 65536 rays, in 67 ms.
         slices.know(2e-9, 0.0);
@@ -208,7 +226,7 @@ mod tests {
 
     #[test]
     fn slices_go_on_for_as_long_as_most_rays_and_end_in_time() {
-        let slices = Slices::new();
+        let slices = unknown();
         // At first nothing is known: as little work, however many rays there are.
         assert_eq!(slices.slice(1 << 16, 1000), Slice { rays: 2048, steps: 1 });
         assert_eq!(slices.slice(64, 1000), Slice { rays: 256, steps: 32 });
@@ -225,7 +243,7 @@ mod tests {
     /// A step is never shorter than what one ray takes for it; how long that is the fewest rays tell.
     #[test]
     fn a_few_slow_rays_end_in_time() {
-        let slices = Slices::new();
+        let slices = unknown();
         simulate(&slices, 1 << 24, 12e-9);
         let slice = |rays, steps| Slice { rays, steps };
         slices.learn_slice(slice(300, 10), 3000, true, Duration::from_millis(10));
@@ -244,7 +262,7 @@ mod tests {
     #[test]
     fn a_march_takes_few_dispatches() {
         for first_time in [true, false] {
-            let slices = Slices::new();
+            let slices = unknown();
             let price = 12e-9;
             if !first_time {
                 simulate(&slices, 1 << 24, price);
