@@ -131,6 +131,31 @@ fn sphere_has_exact_depth_on_every_back_end() {
     }
 }
 
+/// Each ray meets the sphere at a height, and so a depth, of its own. Back ends march rays in an order of their own, by hundreds at
+/// a time: the numbers here lie beside and between such borders.
+#[test]
+fn every_ray_of_any_number_is_marched() {
+    let formula = formula(r#"(nodes: { "ball": Sphere(radius: 0.75) })"#);
+    let subject = formula.subject();
+    let backends = backends();
+    for count in [1, 511, 513, 14_848, 20_001] {
+        let height = |k: usize| 0.7 * k as f64 / count as f64;
+        let rays: Vec<(P, P)> = (0..count).map(|k| ([-3.0, height(k), 0.0], [1.0, 0.0, 0.0])).collect();
+        for target in backends.targets() {
+            let depths =
+                subject.depths(backends, target, &rays, 1e-4).unwrap().unwrap_or_else(|e| panic!("{}", e.message));
+            for (k, found) in depths.into_iter().enumerate() {
+                let exact = 3.0 - (0.75 * 0.75 - height(k) * height(k)).sqrt();
+                let found = found.unwrap_or_else(|| panic!("{target:?}: ray {k} of {count} meets the sphere"));
+                assert!(
+                    (found - exact).abs() <= 3e-4,
+                    "{target:?}: ray {k} of {count}: expected {exact}, found {found}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn sphere_has_exact_normals() {
     use bulbfold::compose::{Purpose, compose_estimator};

@@ -1,6 +1,7 @@
 //! Generated kernels against WGSL written by hand: the same march with the same estimates on the same rays and device.
 //!
-//! `cargo bench --bench wgsl_by_hand [ROUNDS]` runs both by turns and prints times, their ratio and how far the results agree.
+//! `cargo bench --bench wgsl_by_hand -- [ROUNDS] [WIDTHxHEIGHT]` runs both by turns and prints times, their ratio and how far the
+//! results agree. A fast device needs a larger size than the 640x480 rays that are the default.
 
 use std::rc::Rc;
 use std::time::Instant;
@@ -17,20 +18,27 @@ use bulbfold::render::{Pipeline, RenderSettings, compose_pipeline};
 use bulbfold::shade::Size;
 
 const SIZE: Size = Size { width: 640, height: 480 };
+const ROUNDS: usize = 7;
 const FRACTALS: [(&str, &str); 2] =
     [("mandelbulb", include_str!("mandelbulb.wgsl")), ("mandelbox", include_str!("mandelbox.wgsl"))];
 
 fn main() {
-    let rounds = std::env::args().filter_map(|a| a.parse().ok()).next().unwrap_or(7);
+    let (rounds, size) = match wanted() {
+        Ok(wanted) => wanted,
+        Err(message) => {
+            eprintln!("{message}");
+            std::process::exit(2);
+        }
+    };
     let gpu = match Gpu::new(AdapterWanted::Any) {
         Ok(gpu) => gpu,
         Err(error) => return eprintln!("skipped: {error}"),
     };
-    println!("{}, {} x {} rays, {rounds} rounds", gpu.adapter().name, SIZE.width, SIZE.height);
+    println!("{}, {} x {} rays, {rounds} rounds", gpu.adapter().name, size.width, size.height);
     for (name, wgsl) in FRACTALS {
         let arena = Rc::new(Arena::default());
-        let pipeline = pipeline(&arena, name);
-        let pixels: Vec<(u32, u32)> = bulbfold::film::tiles(SIZE).iter().flat_map(|tile| tile.pixels()).collect();
+        let pipeline = pipeline(&arena, name, size);
+        let pixels: Vec<(u32, u32)> = bulbfold::film::tiles(size).iter().flat_map(|tile| tile.pixels()).collect();
         let column = |f: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(f(p)) + 0.5).collect::<Vec<f64>>();
         let camera = gpu.prepare(&arena, &pipeline.camera_kernel).expect("kernels compile");
         let pixels = gpu.upload(&[column(|p| p.0), column(|p| p.1)]).expect("columns fit");
@@ -47,7 +55,20 @@ fn main() {
     }
 }
 
-fn pipeline(arena: &Rc<Arena>, name: &str) -> Pipeline {
+/// Rounds and size from the command line, which cargo adds a flag to.
+fn wanted() -> Result<(usize, Size), String> {
+    let (mut rounds, mut size) = (ROUNDS, SIZE);
+    for word in std::env::args().skip(1).filter(|word| word != "--bench") {
+        match (word.parse(), word.split_once('x').map(|(width, height)| (width.parse(), height.parse()))) {
+            (Ok(wanted), _) if wanted > 0 => rounds = wanted,
+            (_, Some((Ok(width), Ok(height)))) if width > 0 && height > 0 => size = Size { width, height },
+            _ => return Err(format!("`{word}` is neither a number of rounds nor a size: write `7 2560x1920`")),
+        }
+    }
+    Ok((rounds, size))
+}
+
+fn pipeline(arena: &Rc<Arena>, name: &str, size: Size) -> Pipeline {
     let mut library = Library::builtin();
     let loaded = load(&mut library, name, &[], &mut Diagnostics::default()).expect("built-in fractals load");
     let estimate = EstimateSettings {
@@ -57,7 +78,7 @@ fn pipeline(arena: &Rc<Arena>, name: &str) -> Pipeline {
         ..EstimateSettings::default()
     };
     // Steps no longer than the estimate, orbits to their end: what the shaders by hand do.
-    let settings = RenderSettings { size: SIZE, estimate, plain: true, ..RenderSettings::default() };
+    let settings = RenderSettings { size, estimate, plain: true, ..RenderSettings::default() };
     let composer = Composer { arena, library: &library, graph: &loaded.graph };
     compose_pipeline(&composer, &settings).expect("built-in fractals compose")
 }

@@ -34,6 +34,10 @@ use crate::graph::Schedule;
 pub const WORKGROUP: u32 = 64;
 /// One invocation of so many counts its estimates, which the others are taken to make too: counting costs time.
 pub const SAMPLED: u32 = 16;
+/// Rays of a march that stay neighbours (eight workgroups: what is read together stays together), and the hands that such
+/// stacks are dealt out to.
+const STACK: u32 = 8 * WORKGROUP;
+const HANDS: u32 = 29;
 /// Binding of a kernel's uniforms.
 pub const UNIFORMS: u32 = 5;
 
@@ -164,6 +168,8 @@ impl Module<'_> {
         let mut slots = slots.to_vec();
         slots.push(("WORKGROUP", WORKGROUP.to_string()));
         slots.push(("SAMPLED", SAMPLED.to_string()));
+        slots.push(("STACK", STACK.to_string()));
+        slots.push(("HANDS", HANDS.to_string()));
         self.body.push_str(&fill(template, &slots));
         self.body.push('\n');
     }

@@ -181,6 +181,18 @@ fn what_is_off_leaves_no_line() {
     assert_eq!(exponentials(&light), exponentials(&dark) + 1, "that of the fog");
 }
 
+/// What an iteration takes is the time of its longest chain: roots and divisions of an even power start from the sum of squares.
+#[test]
+fn roots_of_even_powers_wait_for_no_choice() {
+    for (power, waits) in [("2", false), ("6", false), ("8", false), ("7", true)] {
+        let march = &texts("mandelbulb", &[("power", power)], Method::Scalar)["march"];
+        let (_, iterate) = march.split_once("fn orbit_0_iterate_0(").expect("an iteration begins so");
+        let (iterate, _) = iterate.split_once("\n}").expect("a function ends so");
+        let chained = iterate.contains("sqrt(select(") || iterate.contains("/ sqrt(");
+        assert_eq!(chained, waits, "power {power}: {iterate}");
+    }
+}
+
 #[test]
 fn errors_show_the_place() {
     let text = validate("fn f() -> f32 { return g; }").expect_err("g is unknown").to_string();
