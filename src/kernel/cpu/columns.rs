@@ -12,7 +12,7 @@ pub enum CpuColumns {
     F64(Columns<f64>),
 }
 
-/// Columns of one length, one behind the other.
+/// Columns of one length, one behind the other; the memory may be longer.
 #[derive(Clone, Debug)]
 pub struct Columns<T: Number> {
     numbers: Vec<T>,
@@ -65,7 +65,11 @@ impl<T: Number> Columns<T> {
     /// Columns for results: they hold any numbers.
     pub(super) fn new(count: usize, len: usize) -> Columns<T> {
         let mut numbers = T::spare().with(|spare| spare.borrow_mut().pop()).unwrap_or_default();
-        numbers.resize(count * Columns::<T>::stride(len), T::default());
+        // Memory that was longer stays so, that nothing is ever filled twice.
+        let needed = count * Columns::<T>::stride(len);
+        if numbers.len() < needed {
+            numbers.resize(needed, T::default());
+        }
         Columns { numbers, count, len }
     }
 
@@ -94,7 +98,8 @@ impl<T: Number> Columns<T> {
 
     pub(super) fn each_mut(&mut self) -> impl Iterator<Item = &mut [T]> {
         let len = self.len;
-        self.numbers.chunks_exact_mut(Columns::<T>::stride(len)).map(move |column| &mut column[..len])
+        let columns = self.numbers.chunks_exact_mut(Columns::<T>::stride(len));
+        columns.take(self.count).map(move |column| &mut column[..len])
     }
 }
 
