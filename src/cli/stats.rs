@@ -40,9 +40,15 @@ impl Report<'_> {
     }
 
     /// Where the time of the render went.
-    fn stages(&self) -> [(&'static str, Duration); 4] {
+    fn stages(&self) -> [(&'static str, Duration); 5] {
         let stats = self.stats;
-        [("march", stats.march), ("shadows", stats.shadow), ("shading", stats.shade), ("encoding", self.encode)]
+        [
+            ("march", stats.march),
+            ("shadows", stats.shadow),
+            ("shading", stats.shade),
+            ("results", stats.results),
+            ("encoding", self.encode),
+        ]
     }
 
     /// One JSON object. Times are in seconds, angles in degrees.

@@ -42,19 +42,61 @@ impl Tile {
         tiles
     }
 
+    /// The squares of 2 to the power of `shift` pixels an edge that have some of these pixels, counted in such squares.
+    pub fn grouped(&self, shift: u32) -> Tile {
+        let (x, y) = (self.x >> shift, self.y >> shift);
+        let (right, bottom) = ((self.x + self.width - 1) >> shift, (self.y + self.height - 1) >> shift);
+        Tile { x, y, width: right + 1 - x, height: bottom + 1 - y }
+    }
+
+    /// Pixels of the tile.
+    pub fn count(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
     /// All pixels of the tile, in blocks of 8 by 8: neighbours take similar ways, so they are marched together.
     pub fn pixels(&self) -> Vec<(u32, u32)> {
-        let mut pixels = Vec::with_capacity((self.width * self.height) as usize);
-        for block_y in (0..self.height).step_by(8) {
-            for block_x in (0..self.width).step_by(8) {
-                for y in block_y..(block_y + 8).min(self.height) {
-                    for x in block_x..(block_x + 8).min(self.width) {
-                        pixels.push((self.x + x, self.y + y));
-                    }
-                }
-            }
-        }
+        let mut pixels = Vec::with_capacity(self.count());
+        self.cut(8).iter().flat_map(Tile::rows).for_each(|(row, _)| pixels.extend(row));
         pixels
+    }
+
+    /// The pixels of each row, and the first of them.
+    pub fn rows(
+        &self,
+    ) -> impl Iterator<Item = (impl ExactSizeIterator<Item = (u32, u32)> + use<>, (u32, u32))> + use<> {
+        let Tile { x: left, y: top, width, height } = *self;
+        (0..height).map(move |row| {
+            let y = top + row;
+            ((0..width).map(move |column| (left + column, y)), (left, y))
+        })
+    }
+}
+
+/// A tile of a picture's memory that is written without touching any other: the tiles of a band are written at the same time.
+pub struct Window<'a, T> {
+    /// Where it is.
+    pub tile: Tile,
+    rows: Vec<&'a mut [T]>,
+}
+
+/// Cuts the memory of a rectangle, row by row, into tiles of this edge length or less.
+pub fn windows<T>(all: Tile, pixels: &mut [T], edge: u32) -> Vec<Window<'_, T>> {
+    let empty = |tile: Tile| Window { tile, rows: Vec::with_capacity(tile.height as usize) };
+    let mut windows: Vec<Window<T>> = all.cut(edge).into_iter().map(empty).collect();
+    let beside = all.width.div_ceil(edge) as usize;
+    for (y, row) in pixels.chunks_exact_mut(all.width as usize).enumerate() {
+        let windows = windows[y / edge as usize * beside..].iter_mut();
+        windows.zip(row.chunks_mut(edge as usize)).for_each(|(window, part)| window.rows.push(part));
+    }
+    windows
+}
+
+impl<T> Window<'_, T> {
+    /// Sets a pixel by its place in the picture.
+    #[inline]
+    pub fn set(&mut self, (x, y): (u32, u32), value: T) {
+        self.rows[(y - self.tile.y) as usize][(x - self.tile.x) as usize] = value;
     }
 }
 
@@ -90,10 +132,13 @@ impl Image {
 }
 
 /// The byte of an sRGB value between 0 and 1; what is outside takes the end, NaN is 0.
+#[inline]
 pub fn srgb_byte(value: f64) -> u8 {
     // Numbers from here on are whole, so that the sum is rounded to one, and that has the last bits.
     const WHOLE: f64 = (1_u64 << 52) as f64;
-    let inside = if value > 0.0 { value.min(1.0) } else { 0.0 };
+    // NaN goes with the first of the two.
+    let inside = value.max(0.0);
+    let inside = inside.min(1.0);
     (inside * 255.0 + WHOLE).to_bits() as u8
 }
 

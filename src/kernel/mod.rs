@@ -93,19 +93,28 @@ pub fn ray_ports() -> Vec<Port> {
     ]
 }
 
+/// Names of [`march_output_ports`].
+const MARCH_OUTPUTS: [&str; 9] =
+    ["t", "t_front", "t_outside", "t_inside", "last_de", "status", "steps", "iterations", "nan"];
+/// How many of them are the state.
+const MARCH_STATE: usize = 6;
+
 /// Ports that change along a march. `t_front` is where the estimate fell below the hit threshold (where
 /// surfaces are looked at), `t_outside` and `t_inside` the last such points known (-1 before), `status` is 0 while it runs
 /// and one of [`Status`] after.
 pub fn march_state_ports() -> Vec<Port> {
-    ["t", "t_front", "t_outside", "t_inside", "last_de", "status"].map(|name| Port::new(name, Type::F)).to_vec()
+    MARCH_OUTPUTS[..MARCH_STATE].iter().map(|&name| Port::new(name, Type::F)).collect()
 }
 
 /// Columns that a march gives: its state, then `steps` (estimates made), `iterations` (of all of them) and `nan` (1 where
 /// an estimate was not a number).
 pub fn march_output_ports() -> Vec<Port> {
-    let mut ports = march_state_ports();
-    ports.extend(["steps", "iterations", "nan"].map(|name| Port::new(name, Type::F)));
-    ports
+    MARCH_OUTPUTS.map(|name| Port::new(name, Type::F)).to_vec()
+}
+
+/// The number of a column that a march gives.
+pub fn march_output(name: &str) -> Option<usize> {
+    MARCH_OUTPUTS.iter().position(|&known| known == name)
 }
 
 /// How a march ended, as its `status` column says it.
@@ -130,6 +139,7 @@ impl Status {
     }
 
     /// The status of a column's number; anything that is neither hit nor miss is unfinished.
+    #[inline]
     pub fn from_code(code: f64) -> Status {
         match code as i32 {
             1 => Status::Hit,
@@ -232,6 +242,9 @@ pub struct Compiling {
     pub driver: std::time::Duration,
 }
 
+/// Columns of a result that are wanted, by number.
+pub type Wanted<'a, C> = (&'a C, &'a [usize]);
+
 /// Something that runs kernels. Columns stay where the back end keeps them until they are downloaded.
 pub trait Backend: Sync {
     /// A kernel made ready to run.
@@ -259,6 +272,11 @@ pub trait Backend: Sync {
     fn download_only(&self, columns: &Self::Columns, numbers: &[usize]) -> Result<Vec<Vec<f64>>, BackendError> {
         let mut all = self.download(columns)?;
         Ok(numbers.iter().map(|&number| std::mem::take(&mut all[number])).collect())
+    }
+    /// Copies some of the columns of several results out, as [`Backend::download_only`] does each. A back end that has to be
+    /// waited for is waited for once.
+    fn download_together(&self, wanted: &[Wanted<Self::Columns>]) -> Result<Vec<Vec<Vec<f64>>>, BackendError> {
+        wanted.iter().map(|(columns, numbers)| self.download_only(columns, numbers)).collect()
     }
     /// Runs a kernel on the columns of all inputs, in order.
     fn run(&self, kernel: &Self::Prepared, inputs: &[&Self::Columns]) -> Result<Self::Columns, BackendError>;

@@ -1,12 +1,13 @@
 //! The pre-pass: beams that each hold the rays of a tile of pixels find how far nothing is, so that the rays start there.
 //!
-//! In come pixels; out comes for each of them a depth that its rays, wherever in the pixel they go through, are known or
-//! estimated to be empty up to ([`NOTHING`] where they all leave the bounding sphere). Tiles of [`EDGES`] go from large to small: a
+//! In comes a rectangle of pixels; out comes for each of them a depth that its rays, wherever in the pixel they go through,
+//! are known or estimated to be empty up to ([`NOTHING`] where they all leave the bounding sphere). Tiles of [`EDGES`] go from large to small: a
 //! beam starts where the one around it ended. The smallest hold as many rays as pay for their beam.
 
 use super::RenderSettings;
 use super::stats::column;
 use crate::compose::{Bounds, ComposeResult, Composer, Plan, Purpose, compose_estimator};
+use crate::film::Tile;
 use crate::graph::Camera;
 use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::{MarchSettings, beam_plan, compose_beam_march};
@@ -84,45 +85,46 @@ pub struct Beams<B: Backend> {
     tiles: BeamTiles,
 }
 
-/// What beams found.
+/// How far nothing is, by tiles of one size.
 pub struct Starts {
-    /// For each pixel, how far nothing is.
-    pub depths: Vec<f64>,
-    /// Beams marched.
+    /// Binary logarithm of the tiles' edge.
+    shift: u32,
+    /// The rectangle of tiles, counted in tiles.
+    tiles: Tile,
+    /// Their depths, row by row.
+    depths: Vec<f64>,
+    /// Beams marched, of all sizes.
     pub beams: u64,
     /// Their estimates.
     pub estimates: u64,
 }
 
-/// Places in the picture and their lists' numbers: tiles, each once, and which of them each item is in.
-struct Tiles {
-    corners: Vec<(u32, u32)>,
-    of: Vec<u32>,
-}
+impl Starts {
+    /// How far nothing is for all rays through a pixel of the rectangle.
+    #[inline]
+    pub fn at(&self, (x, y): (u32, u32)) -> f64 {
+        self.depths[self.index((x >> self.shift, y >> self.shift))]
+    }
 
-impl Tiles {
-    fn around(items: &[(u32, u32)], edge: u32) -> Tiles {
-        // A grid over the part of the picture that has items holds one more than each tile's number.
-        let shift = edge.trailing_zeros();
-        let tile = |&(x, y): &(u32, u32)| (x >> shift, y >> shift);
-        let (mut low, mut high) = ((u32::MAX, u32::MAX), (0, 0));
-        for (x, y) in items.iter().map(tile) {
-            low = (low.0.min(x), low.1.min(y));
-            high = (high.0.max(x), high.1.max(y));
-        }
-        let width = (high.0 + 1).saturating_sub(low.0) as usize;
-        let mut numbers = vec![0_u32; width * (high.1 + 1).saturating_sub(low.1) as usize];
-        let mut corners = Vec::new();
-        let mut number = |(column, row): (u32, u32)| {
-            let number = &mut numbers[(row - low.1) as usize * width + (column - low.0) as usize];
-            if *number == 0 {
-                corners.push((column << shift, row << shift));
-                *number = corners.len() as u32;
-            }
-            *number - 1
-        };
-        let of = items.iter().map(|item| number(tile(item))).collect();
-        Tiles { corners, of }
+    /// Depths of pixels of a row, from the first of them on.
+    #[inline]
+    pub fn row(&self, (first, y): (u32, u32)) -> impl Iterator<Item = f64> + '_ {
+        let row = &self.depths[self.index((first >> self.shift, y >> self.shift))..];
+        (first..).map(move |x| row[((x >> self.shift) - (first >> self.shift)) as usize])
+    }
+
+    /// Whether no ray through some pixels meets anything, or any may; `None` where some do not and others may.
+    pub fn are_nothing(&self, pixels: Tile) -> Option<bool> {
+        let tiles = pixels.grouped(self.shift);
+        let rows = (tiles.y..tiles.y + tiles.height).map(|y| self.index((tiles.x, y)));
+        let empty = rows.flat_map(|at| &self.depths[at..at + tiles.width as usize]).filter(|&&depth| depth >= NOTHING);
+        let empty = empty.count();
+        (empty == 0 || empty == tiles.count()).then_some(empty > 0)
+    }
+
+    #[inline]
+    fn index(&self, (x, y): (u32, u32)) -> usize {
+        ((y - self.tiles.y) * self.tiles.width + x - self.tiles.x) as usize
     }
 }
 
@@ -136,51 +138,45 @@ impl<B: Backend> Beams<B> {
         Ok(Beams { camera, march, background, tiles: tiles.clone() })
     }
 
-    /// How far nothing is for all rays through each of the pixels.
-    pub fn starts(&self, backend: &B, pixels: &[(u32, u32)]) -> Result<Starts, BackendError> {
-        // From pixels to larger and larger tiles, then back with depths.
-        let mut levels_of: Vec<(u32, Tiles)> = Vec::new();
-        for &edge in self.tiles.edges.iter().rev() {
-            let items = levels_of.last().map_or(pixels, |(_, tiles)| &tiles.corners);
-            let tiles = Tiles::around(items, edge);
-            levels_of.push((edge, tiles));
-        }
-        let mut starts = Starts { depths: Vec::new(), beams: 0, estimates: 0 };
-        let mut depths: Option<Vec<f64>> = None;
-        for (edge, tiles) in levels_of.iter().rev() {
-            let begin = depths.unwrap_or_else(|| vec![0.0; tiles.corners.len()]);
-            let ends = self.march(backend, *edge, &tiles.corners, begin, &mut starts)?;
-            depths = Some(tiles.of.iter().map(|&tile| ends[tile as usize]).collect());
-        }
-        starts.depths = depths.unwrap_or_else(|| vec![0.0; pixels.len()]);
-        Ok(starts)
+    /// How far nothing is for all rays through each pixel of a rectangle.
+    pub fn starts(&self, backend: &B, pixels: Tile) -> Result<Starts, BackendError> {
+        // Before the largest tiles, one that is everything.
+        let tiles = Tile { x: 0, y: 0, width: 1, height: 1 };
+        let start = Starts { shift: u32::BITS - 1, tiles, depths: vec![0.0], beams: 0, estimates: 0 };
+        self.tiles.edges.iter().try_fold(start, |around, &edge| self.march(backend, edge, pixels, &around))
     }
 
-    /// Marches the beams of tiles from where they begin to where they end.
-    fn march(
-        &self,
-        backend: &B,
-        edge: u32,
-        corners: &[(u32, u32)],
-        begin: Vec<f64>,
-        counts: &mut Starts,
-    ) -> Result<Vec<f64>, BackendError> {
+    /// Marches the beams of all tiles of an edge that have some of the pixels, from where those around them ended.
+    fn march(&self, backend: &B, edge: u32, pixels: Tile, around: &Starts) -> Result<Starts, BackendError> {
+        let shift = edge.trailing_zeros();
+        let tiles = pixels.grouped(shift);
+        let places = tiles.pixels();
         let half = f64::from(edge) / 2.0;
-        let centre = |of: fn(&(u32, u32)) -> u32| corners.iter().map(|c| f64::from(of(c)) + half).collect();
+        let centre = |of: fn(&(u32, u32)) -> u32| places.iter().map(|p| f64::from(of(p) << shift) + half).collect();
         // Half the diagonal of the tile in the plane at distance 1; on the unit sphere it is no longer.
         let spread = f64::from(edge) * self.tiles.pixel_radius * std::f64::consts::SQRT_2 * (1.0 + WIDER);
-        let columns = [centre(|c| c.0), centre(|c| c.1), vec![spread; corners.len()], begin];
+        let begin = places.iter().map(|&(x, y)| around.at((x << shift, y << shift))).collect();
+        let columns = [centre(|p| p.0), centre(|p| p.1), vec![spread; places.len()], begin];
         let rays = backend.run(&self.camera, &[&backend.upload(&columns)?])?;
         let ends = backend.run(&self.march, &[&rays])?;
         let ends = backend.download_only(&ends, &["t", "status", "steps"].map(column))?;
         let [t, status, steps] = [0, 1, 2].map(|i| &ends[i]);
-        counts.beams += corners.len() as u64;
-        counts.estimates += steps.iter().sum::<f64>() as u64;
-        let end = |(&status, &w): (&f64, &f64)| match Status::from_code(status) {
+        let end = |status: f64, w: f64| match Status::from_code(status) {
             Status::Miss => NOTHING,
             // A hit threshold in front, so that rounding puts no ray behind the end.
             _ => w / spread * (1.0 - self.tiles.pixel_radius),
         };
-        Ok(status.iter().zip(t).map(end).collect())
+        let mut starts = Starts {
+            shift,
+            tiles,
+            depths: vec![0.0; places.len()],
+            beams: around.beams + places.len() as u64,
+            estimates: around.estimates + steps.iter().sum::<f64>() as u64,
+        };
+        for (&place, (&status, &w)) in places.iter().zip(status.iter().zip(t)) {
+            let index = starts.index(place);
+            starts.depths[index] = end(status, w);
+        }
+        Ok(starts)
     }
 }

@@ -1,29 +1,21 @@
 //! A picture in bands: the first pass over each, what has to be refined, and the second pass.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use rayon::prelude::*;
 
 use super::meter::{Meter, Progress};
 use super::refine::Seen;
-use super::renderer::Sample;
 use super::{Renderer, Sampling, Stats};
-use crate::film::{Image, Tile};
+use crate::film::{Image, Tile, Window, windows};
 use crate::kernel::{Backend, BackendError};
 
 /// Why a render ended early.
 enum Halt {
     Stopped,
     Failed(BackendError),
-}
-
-/// Puts pixels' colours into a band that is as wide as the picture.
-fn set_pixels(rgb: &mut [u8], band: Tile, pixels: &[(u32, u32)], colours: impl IntoIterator<Item = [u8; 3]>) {
-    for (&(x, y), srgb) in pixels.iter().zip(colours) {
-        let at = ((y - band.y) as usize * band.width as usize + x as usize) * 3;
-        rgb[at..at + 3].copy_from_slice(&srgb);
-    }
 }
 
 impl<B: Backend> Renderer<'_, B> {
@@ -65,7 +57,9 @@ impl<B: Backend> Renderer<'_, B> {
     ) -> Result<(), Halt> {
         let (width, height) = (self.size.width, self.size.height);
         let meter = Meter::new(progress, f64::from(width) * f64::from(height), self.samples.len());
-        let mut seen = Seen::new(width);
+        // Rows of a band, and those above and below it.
+        let most = if self.samples.len() > 1 { height.min(self.cut.band.saturating_add(2)) } else { 0 };
+        let mut seen = Seen::new(width, most);
         for y in (0..height).step_by(self.cut.band as usize) {
             let band = Tile { x: 0, y, width, height: self.cut.band.min(height - y) };
             let rgb = match self.samples.len() {
@@ -82,110 +76,98 @@ impl<B: Backend> Renderer<'_, B> {
 
     /// The colours of a band's pixels with one sample each.
     fn only_pass(&self, band: Tile, meter: &Meter, stats: &mut Stats) -> Result<Vec<u8>, Halt> {
-        let tiles = band.cut(self.cut.tile);
-        let results = self.in_parts(&tiles, meter, stats, |tile, part| {
-            let pixels = tile.pixels();
-            let colours = self.first_colours(&pixels, part)?;
-            meter.advance(pixels.len());
-            Ok((pixels, colours))
+        let mut rgb = vec![[0; 3]; band.count()];
+        let tiles = windows(band, &mut rgb, self.cut.tile);
+        self.in_parts(tiles, meter, stats, |mut pixels, part| {
+            self.first_samples(pixels.tile, part, |place, sample| pixels.set(place, sample.srgb))?;
+            meter.advance(pixels.tile.count());
+            Ok(())
         })?;
-        let mut rgb = vec![0; band.width as usize * band.height as usize * 3];
-        results.into_iter().for_each(|(pixels, colours)| set_pixels(&mut rgb, band, &pixels, colours));
-        Ok(rgb)
+        Ok(rgb.into_flattened())
     }
 
     /// The colours of a band's pixels with more samples where they are needed.
     fn both_passes(&self, band: Tile, seen: &mut Seen, meter: &Meter, stats: &mut Stats) -> Result<Vec<u8>, Halt> {
         let end = band.y + band.height;
         // Whether a pixel of the last row is refined hangs on the row below it.
-        let ahead = (end + 1).min(self.size.height);
-        let rows = Tile { x: 0, y: seen.end(), width: band.width, height: ahead - seen.end() };
-        self.first_pass(rows, seen, meter, stats)?;
-        let mut rgb = seen.bytes(band.y, end);
-        self.second_pass(band, seen, &mut rgb, meter, stats)?;
+        let (rows, samples) = seen.extend((end + 1).min(self.size.height));
+        self.in_parts(windows(rows, samples, self.cut.tile), meter, stats, |mut pixels, part| {
+            self.first_samples(pixels.tile, part, |place, sample| pixels.set(place, sample))?;
+            meter.advance(pixels.tile.count());
+            Ok(())
+        })?;
+        let mut rgb = vec![[0; 3]; band.count()];
+        let refined = self.uneven(band, seen, &mut rgb);
+        meter.decide(band.count(), refined.len());
+        self.second_pass(band, (seen, &refined), &mut rgb, meter, stats)?;
         seen.forget_before(end - 1);
-        Ok(rgb)
+        Ok(rgb.into_flattened())
     }
 
-    /// Takes the first sample of every pixel of the next rows.
-    fn first_pass(&self, rows: Tile, seen: &mut Seen, meter: &Meter, stats: &mut Stats) -> Result<(), Halt> {
-        let tiles = rows.cut(self.cut.tile);
-        let results = self.in_parts(&tiles, meter, stats, |tile, part| {
-            let pixels = tile.pixels();
-            let samples = self.first_samples(&pixels, part)?;
-            meter.advance(pixels.len());
-            let mut rows = vec![Sample::default(); pixels.len()];
-            for (&(x, y), sample) in pixels.iter().zip(samples) {
-                rows[((y - tile.y) * tile.width + x - tile.x) as usize] = sample;
-            }
-            Ok(rows)
-        })?;
-        seen.extend(rows.height);
-        tiles.iter().zip(results).for_each(|(tile, rows)| seen.set(*tile, &rows));
-        Ok(())
+    /// Gives the pixels of a band the colours of their first samples, and says which need the others, tile by tile.
+    fn uneven(&self, band: Tile, seen: &Seen, rgb: &mut [[u8; 3]]) -> Vec<(u32, u32)> {
+        let all = self.sampling == Sampling::Full;
+        let of_tile = |mut pixels: Window<[u8; 3]>| {
+            let mut places = pixels.tile.pixels();
+            places.iter().for_each(|&place| pixels.set(place, seen.at(place).srgb));
+            places.retain(|&place| all || seen.is_uneven(place));
+            places
+        };
+        windows(band, rgb, self.cut.tile).into_par_iter().flat_map_iter(of_tile).collect()
     }
 
     /// Takes the other samples of the pixels that need them, and puts their colours in the place of the first ones.
     fn second_pass(
         &self,
         band: Tile,
-        seen: &Seen,
-        rgb: &mut [u8],
+        (seen, refined): (&Seen, &[(u32, u32)]),
+        rgb: &mut [[u8; 3]],
         meter: &Meter,
         stats: &mut Stats,
     ) -> Result<(), Halt> {
-        let all = self.sampling == Sampling::Full;
-        let wanted = |tile: Tile| tile.pixels().into_iter().filter(|&pixel| all || seen.is_uneven(pixel));
-        let tiles = band.cut(self.cut.tile);
-        let pixels: Vec<(u32, u32)> = tiles.into_par_iter().flat_map_iter(wanted).collect();
-        meter.decide(band.width as usize * band.height as usize, pixels.len());
         // Pixels of many tiles together, so that no run is short.
-        let parts: Vec<&[(u32, u32)]> = pixels.chunks((self.cut.rays / self.samples.len()).max(1)).collect();
-        let results = self.in_parts(&parts, meter, stats, |pixels, part| {
-            let firsts: Vec<Sample> = pixels.iter().map(|&pixel| seen.at(pixel)).collect();
-            let colours = self.other_samples(pixels, &firsts, part)?;
+        let parts = refined.chunks((self.cut.rays / self.samples.len()).max(1)).collect();
+        let results = self.in_parts(parts, meter, stats, |pixels, part| {
+            let mut colours = Vec::with_capacity(pixels.len());
+            self.other_samples(pixels, |place| seen.at(place), part, |place, srgb| colours.push((place, srgb)))?;
             meter.advance(pixels.len() * (self.samples.len() - 1));
             Ok(colours)
         })?;
-        set_pixels(rgb, band, &pixels, results.into_iter().flatten());
+        for ((x, y), srgb) in results.into_iter().flatten() {
+            rgb[(y - band.y) as usize * band.width as usize + x as usize] = srgb;
+        }
         Ok(())
     }
 
-    /// Does parts of the work, as many at the same time as the back end gains from, and adds up what they count.
-    fn in_parts<T: Sync, R: Send>(
+    /// Does parts of the work, as many at the same time as the back end gains from, and adds up what they count. Results come
+    /// in any order.
+    fn in_parts<T: Send, R: Send>(
         &self,
-        parts: &[T],
+        parts: Vec<T>,
         meter: &Meter,
         stats: &mut Stats,
-        work: impl Fn(&T, &mut Stats) -> Result<R, BackendError> + Sync,
+        work: impl Fn(T, &mut Stats) -> Result<R, BackendError> + Sync,
     ) -> Result<Vec<R>, Halt> {
-        let run = |part: &T| {
-            if meter.is_stopped() {
-                return Err(Halt::Stopped);
-            }
-            let mut counted = Stats { undecided: self.stats.undecided.map(|_| 0), ..Stats::default() };
-            let result = work(part, &mut counted).map_err(Halt::Failed)?;
-            Ok((result, counted))
-        };
-        // Each lane takes the next part that none has taken, until one of them ends early.
-        let next = AtomicUsize::new(0);
-        let lane = |_| {
-            let mut done = Vec::new();
-            loop {
-                let i = next.fetch_add(1, Ordering::Relaxed);
-                let Some(part) = parts.get(i) else { return Ok(done) };
-                let result = run(part).inspect_err(|_| next.store(parts.len(), Ordering::Relaxed))?;
-                done.push((i, result));
-            }
-        };
         let lanes = self.at_once.min(rayon::current_num_threads()).min(parts.len());
-        let lanes: Result<Vec<Vec<_>>, Halt> = (0..lanes).into_par_iter().with_max_len(1).map(lane).collect();
-        let mut results: Vec<(usize, (R, Stats))> = lanes?.into_iter().flatten().collect();
-        results.sort_by_key(|(i, _)| *i);
-        let add = |(_, (result, counted)): (usize, (R, Stats))| {
-            stats.add(&counted);
-            result
+        let queue = Mutex::new(parts.into_iter());
+        let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).next();
+        // Each lane takes the next part that none has taken, until one of them ends early.
+        let is_ended = AtomicBool::new(false);
+        let lane = |_| {
+            let mut counted = Stats { undecided: self.stats.undecided.map(|_| 0), ..Stats::default() };
+            let mut done = Vec::new();
+            while let Some(part) = next().filter(|_| !is_ended.load(Ordering::Relaxed)) {
+                if meter.is_stopped() {
+                    return Err(Halt::Stopped);
+                }
+                let result = work(part, &mut counted).inspect_err(|_| is_ended.store(true, Ordering::Relaxed));
+                done.push(result.map_err(Halt::Failed)?);
+            }
+            Ok((done, counted))
         };
-        Ok(results.into_iter().map(add).collect())
+        let lanes: Result<Vec<_>, Halt> = (0..lanes).into_par_iter().with_max_len(1).map(lane).collect();
+        let (done, counted): (Vec<Vec<R>>, Vec<Stats>) = lanes?.into_iter().unzip();
+        counted.iter().for_each(|counted| stats.add(counted));
+        Ok(done.into_iter().flatten().collect())
     }
 }

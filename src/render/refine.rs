@@ -1,5 +1,7 @@
 //! Which pixels need more than their first sample.
 
+use rayon::prelude::*;
+
 use super::renderer::Sample;
 use crate::film::Tile;
 
@@ -13,64 +15,60 @@ const MOST_DIFFERENCE: u8 = 8;
 pub(super) struct Seen {
     width: u32,
     top: u32,
+    /// Rows that are there.
+    rows: u32,
+    /// Memory for the most rows: those that are there, then any numbers.
     pixels: Vec<Sample>,
 }
 
 impl Seen {
-    /// No rows, before the first.
-    pub(super) fn new(width: u32) -> Seen {
-        Seen { width, top: 0, pixels: Vec::new() }
+    /// No rows, before the first, and memory for so many.
+    pub(super) fn new(width: u32, most: u32) -> Seen {
+        // New memory is made ready by all threads.
+        let pixels = (0..width as usize * most as usize).into_par_iter().map(|_| Sample::default()).collect();
+        Seen { width, top: 0, rows: 0, pixels }
     }
 
     /// The row after the last.
     pub(super) fn end(&self) -> u32 {
-        self.top + (self.pixels.len() / self.width as usize) as u32
+        self.top + self.rows
     }
 
-    /// Makes room for some more rows.
-    pub(super) fn extend(&mut self, rows: u32) {
-        self.pixels.resize(self.pixels.len() + rows as usize * self.width as usize, Sample::default());
+    /// Takes rows up to this one, which are to be written.
+    pub(super) fn extend(&mut self, end: u32) -> (Tile, &mut [Sample]) {
+        let rows = Tile { x: 0, y: self.end(), width: self.width, height: end - self.end() };
+        let from = self.index((0, rows.y));
+        self.rows += rows.height;
+        (rows, &mut self.pixels[from..][..rows.count()])
     }
 
     /// Drops rows above this one.
     pub(super) fn forget_before(&mut self, y: u32) {
         let y = y.max(self.top);
-        self.pixels.drain(..(y - self.top) as usize * self.width as usize);
+        let kept = self.index((0, y))..self.index((0, self.end()));
+        self.pixels.copy_within(kept, 0);
+        self.rows = self.end() - y;
         self.top = y;
     }
 
+    #[inline]
     fn index(&self, (x, y): (u32, u32)) -> usize {
         (y - self.top) as usize * self.width as usize + x as usize
     }
 
-    /// Sets a tile's pixels, row by row.
-    pub(super) fn set(&mut self, tile: Tile, rows: &[Sample]) {
-        for (y, row) in (tile.y..).zip(rows.chunks_exact(tile.width as usize)) {
-            let at = self.index((tile.x, y));
-            self.pixels[at..at + row.len()].copy_from_slice(row);
-        }
-    }
-
     /// The first sample of a pixel of these rows.
+    #[inline]
     pub(super) fn at(&self, pixel: (u32, u32)) -> Sample {
         self.pixels[self.index(pixel)]
-    }
-
-    /// Colours of rows, three bytes a pixel.
-    pub(super) fn bytes(&self, from: u32, to: u32) -> Vec<u8> {
-        let samples = &self.pixels[self.index((0, from))..self.index((0, to))];
-        let mut bytes = vec![0; samples.len() * 3];
-        bytes.chunks_exact_mut(3).zip(samples).for_each(|(bytes, sample)| bytes.copy_from_slice(&sample.srgb));
-        bytes
     }
 
     /// Whether a pixel and those around it differ so much that one sample does not stand for it.
     pub(super) fn is_uneven(&self, pixel: (u32, u32)) -> bool {
         let around = |at: u32, end: u32| at.saturating_sub(1)..(at + 2).min(end);
         let (mut least, mut most) = ([u8::MAX; 3], [0; 3]);
-        let hit = self.at(pixel).hit;
+        let (columns, hit) = (around(pixel.0, self.width), self.at(pixel).hit);
         for y in around(pixel.1, self.end()) {
-            for sample in around(pixel.0, self.width).map(|x| self.at((x, y))) {
+            for sample in &self.pixels[self.index((columns.start, y))..][..columns.len()] {
                 if sample.hit != hit {
                     return true;
                 }

@@ -3,10 +3,10 @@
 use std::time::{Duration, Instant};
 
 use super::beams::{Beams, NOTHING, Starts};
-use super::stats::{STATUS, column, counted};
+use super::stats::column;
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
-use crate::film::srgb_byte;
-use crate::kernel::{Backend, BackendError, Batch, Status};
+use crate::film::{Tile, srgb_byte};
+use crate::kernel::{Backend, BackendError, Batch, Status, Wanted};
 use crate::shade::Size;
 
 /// How a picture is cut. Nothing of it shows in the picture.
@@ -60,7 +60,7 @@ pub struct Renderer<'b, B: Backend> {
 /// The first sample of a pixel.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Sample {
-    /// Its colour, linear.
+    /// Its colour, linear; of pictures with one sample it is not kept.
     pub linear: [f32; 3],
     /// Its colour in sRGB.
     pub srgb: [u8; 3],
@@ -70,24 +70,84 @@ pub(super) struct Sample {
     pub start: f64,
 }
 
-/// Colours of some of the points that were asked for.
-struct Part<C> {
-    /// Which of the points; `None` where it is all of them.
-    numbers: Option<Vec<u32>>,
-    /// Their linear colours.
-    colours: C,
-    /// How their marches ended; `None` where beams found nothing.
-    status: Option<Vec<f64>>,
+/// Pixels, and how far nothing is for any ray through each.
+struct Pixels {
+    places: Vec<(u32, u32)>,
+    starts: Vec<f64>,
 }
 
-impl<C> Part<C> {
-    /// Gives each value of these points with the number of its point.
-    fn each<T>(&self, values: impl IntoIterator<Item = T>, mut take: impl FnMut(usize, T)) {
-        match &self.numbers {
-            Some(numbers) => numbers.iter().zip(values).for_each(|(&i, value)| take(i as usize, value)),
-            None => values.into_iter().enumerate().for_each(|(i, value)| take(i, value)),
-        }
+impl Pixels {
+    fn with_capacity(most: usize) -> Pixels {
+        Pixels { places: Vec::with_capacity(most), starts: Vec::with_capacity(most) }
     }
+
+    /// Takes a pixel, where something may be into the first of two and without anything into the second.
+    #[inline]
+    fn sort_into(cut: &mut [Pixels; 2], place: (u32, u32), start: f64) {
+        let pixels = &mut cut[usize::from(start >= NOTHING)];
+        pixels.places.push(place);
+        pixels.starts.push(start);
+    }
+
+    /// The pixels of a tile, cut into those where something may be and those without anything.
+    fn of_tile(tile: Tile, starts: &Option<Starts>) -> [Pixels; 2] {
+        let mut cut = [0, 1].map(|_| Pixels::with_capacity(tile.count()));
+        for block in tile.cut(8) {
+            let [some, empty] = &mut cut;
+            let Some(starts) = starts else {
+                block.rows().for_each(|(row, _)| some.places.extend(row));
+                continue;
+            };
+            // Most blocks are all of one kind.
+            match starts.are_nothing(block) {
+                Some(true) => block.rows().for_each(|(row, _)| empty.places.extend(row)),
+                Some(false) => block.rows().for_each(|(row, first)| {
+                    some.starts.extend(starts.row(first).take(row.len()));
+                    some.places.extend(row);
+                }),
+                None => {
+                    let pixels = block.rows().flat_map(|(row, first)| row.zip(starts.row(first)));
+                    pixels.for_each(|(place, start)| Pixels::sort_into(&mut cut, place, start));
+                }
+            }
+        }
+        // What has none yet.
+        let [some, empty] = &mut cut;
+        some.starts.resize(some.places.len(), 0.0);
+        empty.starts.resize(empty.places.len(), NOTHING);
+        cut
+    }
+
+    /// Columns of x, y and starts of points at offsets in each pixel; those of a pixel are neighbours, so they are marched
+    /// together.
+    fn columns(&self, offsets: &[[f64; 2]]) -> [Vec<f64>; 3] {
+        let points = self.places.len() * offsets.len();
+        let [mut x, mut y, mut starts] = [0, 1, 2].map(|_| Vec::with_capacity(points));
+        if let [only] = offsets {
+            x.extend(self.places.iter().map(|place| f64::from(place.0) + only[0]));
+            y.extend(self.places.iter().map(|place| f64::from(place.1) + only[1]));
+            starts.extend(&self.starts);
+            return [x, y, starts];
+        }
+        for (place, &start) in self.places.iter().zip(&self.starts) {
+            x.extend(offsets.iter().map(|offset| f64::from(place.0) + offset[0]));
+            y.extend(offsets.iter().map(|offset| f64::from(place.1) + offset[1]));
+            starts.extend(offsets.iter().map(|_| start));
+        }
+        [x, y, starts]
+    }
+}
+
+/// Columns of red, green and blue.
+type Colours = Vec<Vec<f64>>;
+
+/// What was computed of some pixels, still where the back end has it.
+struct Part<C> {
+    pixels: Pixels,
+    /// Linear colours.
+    colours: C,
+    /// Their marches, and those towards the sun; none where beams found nothing.
+    marches: Option<(C, Option<C>)>,
 }
 
 /// Adds the time of some work.
@@ -154,191 +214,174 @@ impl<'b, B: Backend> Renderer<'b, B> {
 
     /// Marches the centres of pixels and gives, for each, its depth `t` where it hits.
     pub fn depths(&mut self, pixels: &[(u32, u32)]) -> Result<Vec<Option<f64>>, BackendError> {
-        let starts = self.starts(pixels, &mut Stats::default())?;
-        let rays = self.rays(Points { pixels, offsets: &[[0.5; 2]] }.all_columns(), starts)?;
+        let ends = |of: fn(&(u32, u32)) -> u32| Some((pixels.iter().map(of).min()?, pixels.iter().map(of).max()?));
+        let (Some((left, right)), Some((top, bottom))) = (ends(|p| p.0), ends(|p| p.1)) else { return Ok(Vec::new()) };
+        let around = Tile { x: left, y: top, width: right + 1 - left, height: bottom + 1 - top };
+        let starts = self.starts(around, &mut Stats::default())?;
+        let start = |place: &(u32, u32)| starts.as_ref().map_or(0.0, |starts| starts.at(*place));
+        let pixels = Pixels { starts: pixels.iter().map(start).collect(), places: pixels.to_vec() };
+        let rays = self.rays(&pixels, &[[0.5; 2]])?;
         let hits = self.backend.run(&self.march, &[&rays])?;
         let columns = self.backend.download_only(&hits, &["t", "status"].map(column))?;
         let depth = |(&t, &status): (&f64, &f64)| (Status::from_code(status) == Status::Hit).then_some(t);
         Ok(columns[0].iter().zip(&columns[1]).map(depth).collect())
     }
 
-    /// Takes the first sample of each pixel, for sums with others.
-    pub(super) fn first_samples(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<Sample>, BackendError> {
-        let starts = self.starts(pixels, stats)?;
-        let mut samples = vec![Sample::default(); pixels.len()];
-        if self.beams.is_some() {
-            samples.iter_mut().zip(&starts).for_each(|(sample, &start)| sample.start = start);
+    /// Takes the first sample of each pixel of a tile.
+    pub(super) fn first_samples(
+        &self,
+        tile: Tile,
+        stats: &mut Stats,
+        mut take: impl FnMut((u32, u32), Sample),
+    ) -> Result<(), BackendError> {
+        let starts = self.starts(tile, stats)?;
+        let parts = self.sample(Pixels::of_tile(tile, &starts), &self.samples[..1], stats)?;
+        let encode = |part: &Part<_>| self.backend.run(&self.encode, &[&part.colours]);
+        let encoded: Vec<_> = timed(&mut stats.shade, || parts.iter().map(encode).collect::<Result<_, _>>())?;
+        // Linear colours are only for sums with others.
+        let linear = parts.iter().filter(|_| self.samples.len() > 1).map(|part| &part.colours);
+        let wanted: Vec<&B::Columns> = encoded.iter().chain(linear).collect();
+        let (status, colours) = self.results(&parts, &wanted, stats)?;
+        let (srgb, linear) = colours.split_at(parts.len());
+        for (k, part) in parts.iter().enumerate() {
+            let (status, linear, pixels) = (&status[k], linear.get(k), &part.pixels);
+            for ((i, srgb), (&place, &start)) in
+                bytes(&srgb[k]).enumerate().zip(pixels.places.iter().zip(&pixels.starts))
+            {
+                let linear = linear.map_or([0.0; 3], |linear| [0, 1, 2].map(|k| linear[k][i] as f32));
+                let hit = status.get(i).is_some_and(|&code| Status::from_code(code) == Status::Hit);
+                take(place, Sample { linear, srgb, hit, start });
+            }
         }
-        for part in self.sample(Points { pixels, offsets: &self.samples[..1] }, starts, stats)? {
-            timed(&mut stats.shade, || {
-                let srgb = self.encode(&part.colours)?;
-                part.each(srgb, |i, srgb| samples[i].srgb = srgb);
-                part.each(part.status.iter().flatten(), |i, &code| {
-                    samples[i].hit = Status::from_code(code) == Status::Hit
-                });
-                for (k, values) in self.backend.download(&part.colours)?.iter().enumerate() {
-                    part.each(values, |i, &value| samples[i].linear[k] = value as f32);
-                }
-                Ok(())
-            })?;
-        }
-        Ok(samples)
+        Ok(())
     }
 
-    /// The colours in sRGB of pixels that have one sample.
-    pub(super) fn first_colours(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<[u8; 3]>, BackendError> {
-        let starts = self.starts(pixels, stats)?;
-        let mut all = vec![[0; 3]; pixels.len()];
-        for part in self.sample(Points { pixels, offsets: &self.samples[..1] }, starts, stats)? {
-            let colours = timed(&mut stats.shade, || self.encode(&part.colours))?;
-            part.each(colours, |i, srgb| all[i] = srgb);
-        }
-        Ok(all)
-    }
-
-    /// Takes all but the first sample of each pixel and gives the average of all in sRGB.
+    /// Takes all but the first sample of each pixel and gives the average of all in sRGB; `first` has the first ones.
     pub(super) fn other_samples(
         &self,
         pixels: &[(u32, u32)],
-        firsts: &[Sample],
+        first: impl Fn((u32, u32)) -> Sample,
         stats: &mut Stats,
-    ) -> Result<Vec<[u8; 3]>, BackendError> {
+        mut take: impl FnMut((u32, u32), [u8; 3]),
+    ) -> Result<(), BackendError> {
         let others = &self.samples[1..];
-        let starts = firsts.iter().filter(|_| self.beams.is_some());
-        let starts: Vec<f64> = starts.flat_map(|first| std::iter::repeat_n(first.start, others.len())).collect();
-        let points = Points { pixels, offsets: others };
-        let mut colours = vec![vec![0.0; points.count()]; 3];
-        for part in self.sample(points, starts, stats)? {
-            let found = timed(&mut stats.shade, || self.backend.download(&part.colours))?;
-            for (all, found) in colours.iter_mut().zip(&found) {
-                part.each(found, |i, &value| all[i] = value);
-            }
-        }
-        stats.refined += pixels.len() as u64;
-        timed(&mut stats.shade, || {
-            let scale = 1.0 / self.samples.len() as f64;
-            let average = |k: usize| {
-                let sums = colours[k].chunks_exact(others.len()).map(|samples| samples.iter().sum::<f64>());
-                sums.zip(firsts).map(|(sum, first)| (f64::from(first.linear[k]) + sum) * scale).collect()
+        let mut cut = [0, 1].map(|_| Pixels::with_capacity(pixels.len()));
+        pixels.iter().for_each(|&place| Pixels::sort_into(&mut cut, place, first(place).start));
+        let parts = self.sample(cut, others, stats)?;
+        let wanted: Vec<&B::Columns> = parts.iter().map(|part| &part.colours).collect();
+        let (_, colours) = self.results(&parts, &wanted, stats)?;
+        let places: Vec<(u32, u32)> = parts.iter().flat_map(|part| &part.pixels.places).copied().collect();
+        let scale = 1.0 / self.samples.len() as f64;
+        let average = |k: usize| {
+            let sums = colours.iter().flat_map(|colours| colours[k].chunks_exact(others.len()));
+            let mean = |(samples, &place): (&[f64], &(u32, u32))| {
+                (f64::from(first(place).linear[k]) + samples.iter().sum::<f64>()) * scale
             };
-            self.encode(&self.backend.upload(&[average(0), average(1), average(2)])?)
-        })
+            sums.zip(&places).map(mean).collect()
+        };
+        let encoded = timed(&mut stats.shade, || {
+            let linear = self.backend.upload(&[average(0), average(1), average(2)])?;
+            self.backend.run(&self.encode, &[&linear])
+        })?;
+        let srgb = timed(&mut stats.results, || self.backend.download(&encoded))?;
+        stats.refined += pixels.len() as u64;
+        places.iter().zip(bytes(&srgb)).for_each(|(&place, srgb)| take(place, srgb));
+        Ok(())
     }
 
-    /// For each pixel how far nothing is for any ray through it; nothing without beams.
-    fn starts(&self, pixels: &[(u32, u32)], stats: &mut Stats) -> Result<Vec<f64>, BackendError> {
-        let Some(beams) = &self.beams else { return Ok(Vec::new()) };
-        let begun = Instant::now();
-        let Starts { depths, beams, estimates } = beams.starts(self.backend, pixels)?;
-        stats.beams += beams;
-        stats.beam_estimates += estimates;
-        stats.march += begun.elapsed();
-        Ok(depths)
+    /// How far nothing is for any ray through each pixel of a tile; `None` without beams.
+    fn starts(&self, tile: Tile, stats: &mut Stats) -> Result<Option<Starts>, BackendError> {
+        let Some(beams) = &self.beams else { return Ok(None) };
+        let starts = timed(&mut stats.march, || beams.starts(self.backend, tile))?;
+        stats.beams += starts.beams;
+        stats.beam_estimates += starts.estimates;
+        Ok(Some(starts))
     }
 
-    /// Rays through points of the picture (columns of x and y), from `starts` on where there are beams.
-    fn rays(&self, [x, y]: [Vec<f64>; 2], starts: Vec<f64>) -> Result<B::Columns, BackendError> {
-        let columns = if self.beams.is_some() { vec![x, y, starts] } else { vec![x, y] };
-        self.backend.run(&self.camera, &[&self.backend.upload(&columns)?])
+    /// Rays through points of pixels, from the pixels' starts on where there are beams.
+    fn rays(&self, pixels: &Pixels, offsets: &[[f64; 2]]) -> Result<B::Columns, BackendError> {
+        let inputs = if self.beams.is_some() { 3 } else { 2 };
+        self.backend.run(&self.camera, &[&self.backend.upload(&pixels.columns(offsets)[..inputs])?])
     }
 
-    /// Linear colours at points of the picture: of those where beams found nothing, and of the others.
+    /// Has points of pixels computed: of those where something may be, and of those where beams found nothing.
     fn sample(
         &self,
-        points: Points,
-        starts: Vec<f64>,
+        [some, empty]: [Pixels; 2],
+        offsets: &[[f64; 2]],
         stats: &mut Stats,
     ) -> Result<Vec<Part<B::Columns>>, BackendError> {
-        let Some(beams) = &self.beams else {
-            return Ok(vec![self.marched(points.all_columns(), starts, None, stats)?]);
-        };
-        let numbers = 0..starts.len() as u32;
-        let (empty, others): (Vec<u32>, Vec<u32>) = numbers.partition(|&i| starts[i as usize] >= NOTHING);
-        if empty.is_empty() {
-            return Ok(vec![self.marched(points.all_columns(), starts, None, stats)?]);
-        }
         let mut parts = Vec::new();
-        stats.rays += empty.len() as u64;
-        timed(&mut stats.shade, || {
-            let points = self.backend.upload(&points.columns(empty.iter().copied()))?;
-            let colours = self.backend.run(&beams.background, &[&points])?;
-            parts.push(Part { numbers: Some(empty), colours, status: None });
-            Ok(())
-        })?;
-        if !others.is_empty() {
-            let starts = others.iter().map(|&i| starts[i as usize]).collect();
-            parts.push(self.marched(points.columns(others.iter().copied()), starts, Some(others), stats)?);
+        if let Some(beams) = self.beams.as_ref().filter(|_| !empty.places.is_empty()) {
+            stats.rays += (empty.places.len() * offsets.len()) as u64;
+            let colours = timed(&mut stats.shade, || {
+                let points = self.backend.upload(&empty.columns(offsets)[..2])?;
+                self.backend.run(&beams.background, &[&points])
+            })?;
+            parts.push(Part { pixels: empty, colours, marches: None });
+        }
+        if !some.places.is_empty() {
+            parts.push(self.marched(some, offsets, stats)?);
         }
         Ok(parts)
     }
 
-    /// Linear colours at points of the picture by marches.
+    /// Has points of pixels computed by marches.
     fn marched(
         &self,
-        points: [Vec<f64>; 2],
-        starts: Vec<f64>,
-        numbers: Option<Vec<u32>>,
+        pixels: Pixels,
+        offsets: &[[f64; 2]],
         stats: &mut Stats,
     ) -> Result<Part<B::Columns>, BackendError> {
         let backend = self.backend;
-        let rays = timed(&mut stats.shade, || self.rays(points, starts))?;
+        let rays = timed(&mut stats.shade, || self.rays(&pixels, offsets))?;
         let hits = timed(&mut stats.march, || backend.run(&self.march, &[&rays]))?;
-        let (surface, mut marched) = timed(&mut stats.shade, || {
-            let points = backend.run(&self.surface_point, &[&rays, &hits])?;
-            Ok((backend.run(&self.surface, &[&points])?, backend.download_only(&hits, &counted())?))
+        let surface = timed(&mut stats.shade, || {
+            backend.run(&self.surface, &[&backend.run(&self.surface_point, &[&rays, &hits])?])
         })?;
-        stats.count(&marched);
-        let status = Some(marched.swap_remove(STATUS));
-        let Some([shadow_ray, shadow_march]) = &self.shadow else {
-            let colours = timed(&mut stats.shade, || backend.run(&self.colour, &[&rays, &hits, &surface]))?;
-            return Ok(Part { numbers, colours, status });
-        };
-        let shadow_rays = timed(&mut stats.shade, || backend.run(shadow_ray, &[&rays, &hits, &surface]))?;
-        let (shadows, ends) = timed(&mut stats.shadow, || {
-            let shadows = backend.run(shadow_march, &[&shadow_rays])?;
-            let ends = backend.download_only(&shadows, &[column("steps")])?;
-            Ok((shadows, ends))
-        })?;
-        stats.shadow_estimates += ends[0].iter().sum::<f64>() as u64;
-        let inputs = [&rays, &hits, &surface, &shadows];
+        let mut inputs = vec![&rays, &hits, &surface];
+        let mut shadows = None;
+        if let Some([shadow_ray, shadow_march]) = &self.shadow {
+            let shadow_rays = timed(&mut stats.shade, || backend.run(shadow_ray, &inputs))?;
+            inputs.push(shadows.insert(timed(&mut stats.shadow, || backend.run(shadow_march, &[&shadow_rays]))?));
+        }
         let colours = timed(&mut stats.shade, || backend.run(&self.colour, &inputs))?;
-        Ok(Part { numbers, colours, status })
+        Ok(Part { pixels, colours, marches: Some((hits, shadows)) })
     }
 
-    /// Linear colours as bytes of sRGB; NaN is black.
-    fn encode(&self, linear: &B::Columns) -> Result<Vec<[u8; 3]>, BackendError> {
-        let columns = self.backend.download(&self.backend.run(&self.encode, &[linear])?)?;
-        let bytes = [0, 1, 2].map(|k| columns[k].iter().map(|&value| srgb_byte(value)).collect::<Vec<u8>>());
-        let [red, green, blue] = &bytes;
-        Ok(red.iter().zip(green).zip(blue).map(|((&red, &green), &blue)| [red, green, blue]).collect())
-    }
-}
-
-/// Points of the picture at offsets in each pixel; those of a pixel are neighbours, so they are marched together.
-#[derive(Clone, Copy)]
-struct Points<'a> {
-    pixels: &'a [(u32, u32)],
-    offsets: &'a [[f64; 2]],
-}
-
-impl Points<'_> {
-    fn count(&self) -> usize {
-        self.pixels.len() * self.offsets.len()
-    }
-
-    /// Columns of x and y of the points with these numbers.
-    fn columns(&self, numbers: impl Iterator<Item = u32> + Clone) -> [Vec<f64>; 2] {
-        let each = self.offsets.len() as u32;
-        let column = |of: fn(&(u32, u32)) -> u32, k: usize| {
-            let at = |i: u32| f64::from(of(&self.pixels[(i / each) as usize])) + self.offsets[(i % each) as usize][k];
-            numbers.clone().map(at).collect()
+    /// Waits for what was computed: how the marches of each part ended (nothing for a part without), and the colours that are
+    /// `wanted`. Counts the marches.
+    fn results(
+        &self,
+        parts: &[Part<B::Columns>],
+        wanted: &[&B::Columns],
+        stats: &mut Stats,
+    ) -> Result<(Vec<Vec<f64>>, Vec<Colours>), BackendError> {
+        let (counted, steps) = (stats.counted(), [column("steps")]);
+        let mut all: Vec<Wanted<B::Columns>> = wanted.iter().map(|&colours| (colours, &[0, 1, 2][..])).collect();
+        for (hits, shadows) in parts.iter().filter_map(|part| part.marches.as_ref()) {
+            all.push((hits, &counted));
+            all.extend(shadows.iter().map(|shadows| (shadows, &steps[..])));
+        }
+        let mut colours = timed(&mut stats.results, || self.backend.download_together(&all))?;
+        let mut counts = colours.split_off(wanted.len()).into_iter();
+        let mut count = |part: &Part<B::Columns>| {
+            let (_, shadows) = part.marches.as_ref()?;
+            let mut hits = counts.next()?;
+            stats.count(&hits);
+            if shadows.is_some() {
+                stats.shadow_estimates += counts.next()?[0].iter().sum::<f64>() as u64;
+            }
+            Some(hits.swap_remove(0))
         };
-        [column(|p| p.0, 0), column(|p| p.1, 1)]
+        Ok((parts.iter().map(|part| count(part).unwrap_or_default()).collect(), colours))
     }
+}
 
-    fn all_columns(&self) -> [Vec<f64>; 2] {
-        self.columns(0..self.count() as u32)
-    }
+/// Columns of red, green and blue in sRGB as bytes; NaN is black.
+fn bytes(srgb: &[Vec<f64>]) -> impl Iterator<Item = [u8; 3]> + '_ {
+    let pairs = srgb[0].iter().zip(&srgb[1]).zip(&srgb[2]);
+    pairs.map(|((&red, &green), &blue)| [srgb_byte(red), srgb_byte(green), srgb_byte(blue)])
 }
 
 /// Where the samples of a pixel lie in it: on a grid with this many on an edge, the one nearest to the centre first.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::kernel::{Compiling, Status, march_output_ports};
+use crate::kernel::{Compiling, Status, march_output};
 use crate::march::is_undecided;
 
 /// What a render counted. Rays are the primary ones, all samples of all pixels.
@@ -45,6 +45,9 @@ pub struct Stats {
     pub shadow: Duration,
     /// Time in everything else that is computed of rays and colours, summed over threads.
     pub shade: Duration,
+    /// Time in which results were waited for and copied out, summed over threads. A back end that runs kernels while the
+    /// next ones are handed to it is waited for here, and the times above are those of handing over.
+    pub results: Duration,
 }
 
 impl Stats {
@@ -67,36 +70,43 @@ impl Stats {
         self.march += part.march;
         self.shadow += part.shadow;
         self.shade += part.shade;
+        self.results += part.results;
     }
 
-    /// Counts the marches of primary rays; `hits` are the columns [`counted`] of a march's output.
+    /// The columns of a march's output that [`Stats::count`] takes; the status is the first.
+    pub(super) fn counted(&self) -> Vec<usize> {
+        // Only proofs are asked for the last estimate.
+        let last = self.undecided.map(|_| "last_de");
+        ["status", "steps", "iterations", "nan"].into_iter().chain(last).map(column).collect()
+    }
+
+    /// Counts the marches of primary rays; `hits` are the columns [`Stats::counted`] of a march's output.
     pub(super) fn count(&mut self, hits: &[Vec<f64>]) {
-        let [last, status, steps, iterations, nan] = [0, 1, 2, 3, 4].map(|i| &hits[i]);
+        let [status, steps, iterations, nan] = [0, 1, 2, 3].map(|i| &hits[i][..]);
         self.rays += status.len() as u64;
-        for (i, &code) in status.iter().enumerate() {
-            let status = Status::from_code(code);
-            self.hits += u64::from(status == Status::Hit);
-            self.unfinished += u64::from(status == Status::Unfinished);
-            if let Some(undecided) = &mut self.undecided {
-                *undecided += u64::from(is_undecided(last[i], steps[i], status));
-            }
+        let [hit, miss] = [Status::Hit, Status::Miss].map(Status::code);
+        let (mut estimates, mut iterated, mut longest) = (0.0, 0.0, 0.0_f64);
+        for ((&code, &steps), (&iterations, &nan)) in status.iter().zip(steps).zip(iterations.iter().zip(nan)) {
+            self.hits += u64::from(code == hit);
+            self.unfinished += u64::from(code != hit && code != miss);
+            self.nan += u64::from(nan > 0.0);
+            estimates += steps;
+            iterated += iterations;
+            longest = if steps > longest { steps } else { longest };
         }
-        self.max_steps = self.max_steps.max(steps.iter().copied().fold(0.0, f64::max) as u64);
-        self.nan += nan.iter().filter(|&&n| n > 0.0).count() as u64;
-        self.estimates += steps.iter().sum::<f64>() as u64;
-        self.iterations += iterations.iter().sum::<f64>() as u64;
+        self.estimates += estimates as u64;
+        self.iterations += iterated as u64;
+        self.max_steps = self.max_steps.max(longest as u64);
+        if let (Some(undecided), Some(last)) = (&mut self.undecided, hits.get(4)) {
+            let rays = last.iter().zip(steps).zip(status);
+            let is_open =
+                |&((&last, &steps), &code): &((&f64, &f64), &f64)| is_undecided(last, steps, Status::from_code(code));
+            *undecided += rays.filter(is_open).count() as u64;
+        }
     }
-}
-
-/// Which of [`counted`] is the status.
-pub(super) const STATUS: usize = 1;
-
-/// Columns of a march's output that are counted, as [`Stats::count`] takes them.
-pub(super) fn counted() -> [usize; 5] {
-    ["last_de", "status", "steps", "iterations", "nan"].map(column)
 }
 
 /// Column of a march's output.
 pub(super) fn column(name: &str) -> usize {
-    march_output_ports().iter().position(|p| p.name == name).expect("the name is one of the march's ports")
+    march_output(name).expect("the name is one of the march's ports")
 }
