@@ -89,7 +89,9 @@ fn compare(name: &str, rounds: usize, gpu: &Gpu, generated: &GpuKernel, rays: &G
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     for _ in 0..=rounds {
         let mut hits = None;
-        times[0].push(milliseconds(|| hits = gpu.run(generated, &[rays]).ok()));
+        times[0].push(milliseconds(|| {
+            hits = gpu.run(generated, &[rays]).and_then(|hits| gpu.finish().map(|()| hits)).ok()
+        }));
         times[1].push(milliseconds(|| by_hand.run()));
         let hits = hits.expect("kernels run");
         times[2].push(milliseconds(|| ours = gpu.download(&hits).expect("hits download")));

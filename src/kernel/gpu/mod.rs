@@ -19,7 +19,7 @@ use std::time::Duration;
 pub use adapter::{AdapterInfoLine, AdapterWanted, adapters};
 pub use program::GpuKernel;
 
-use super::{Backend, BackendError, Batch, Compiling, Kernel};
+use super::{Backend, BackendError, Batch, Compiling, Kernel, Wanted};
 use crate::expr::Arena;
 
 /// How work is cut for hardware: it takes less time than the threads that make its work ready and read its results.
@@ -243,6 +243,15 @@ impl Gpu {
         self.queue.submit(pending.drain(..))
     }
 
+    /// Waits until all is done that the device was given to do: for whoever measures it.
+    pub fn finish(&self) -> Result<(), BackendError> {
+        {
+            let _others = self.turn.read().unwrap_or_else(PoisonError::into_inner);
+            self.flush();
+        }
+        self.wait()
+    }
+
     /// Waits until the device has done all that was submitted.
     fn wait(&self) -> Result<(), BackendError> {
         self.poll(None)
@@ -302,19 +311,33 @@ impl Backend for Gpu {
     }
 
     fn download_only(&self, columns: &GpuColumns, numbers: &[usize]) -> Result<Vec<Vec<f64>>, BackendError> {
-        if columns.len == 0 || numbers.is_empty() {
-            return Ok(vec![Vec::new(); numbers.len()]);
+        Ok(self.download_together(&[(columns, numbers)])?.swap_remove(0))
+    }
+
+    fn download_together(&self, wanted: &[Wanted<GpuColumns>]) -> Result<Vec<Vec<Vec<f64>>>, BackendError> {
+        let all = || wanted.iter().flat_map(|(columns, numbers)| numbers.iter().map(move |&number| (columns, number)));
+        let bytes = |columns: &GpuColumns| (columns.len * size_of::<f32>()) as u64;
+        let total = all().map(|(columns, _)| bytes(columns)).sum();
+        if total == 0 {
+            return Ok(wanted.iter().map(|(_, numbers)| vec![Vec::new(); numbers.len()]).collect());
         }
         self.scoped(|| {
-            let bytes = (columns.len * size_of::<f32>()) as u64;
-            let staging = self.staging(bytes * numbers.len() as u64);
+            let staging = self.staging(total);
             let mut encoder = self.encoder();
-            for (to, &from) in (0..).zip(numbers) {
-                encoder.copy_buffer_to_buffer(&columns.buffer, from as u64 * bytes, &staging, to * bytes, bytes);
+            let mut at = 0;
+            for (columns, number) in all().filter(|(columns, _)| columns.len > 0) {
+                let bytes = bytes(columns);
+                encoder.copy_buffer_to_buffer(&columns.buffer, number as u64 * bytes, &staging, at, bytes);
+                at += bytes;
             }
             self.read_back(self.hand_over(encoder), &staging, |bytes| {
-                let values: &[f32] = bytemuck::cast_slice(bytes);
-                values.chunks_exact(columns.len).map(|c| c.iter().map(|&x| f64::from(x)).collect()).collect()
+                let mut rest: &[f32] = bytemuck::cast_slice(bytes);
+                let mut next = |len: usize| {
+                    let (column, others) = rest.split_at(len);
+                    rest = others;
+                    column.iter().map(|&x| f64::from(x)).collect()
+                };
+                wanted.iter().map(|(columns, numbers)| numbers.iter().map(|_| next(columns.len)).collect()).collect()
             })
         })
     }
