@@ -19,6 +19,9 @@ use bulbfold::shade::Size;
 
 const SIZE: Size = Size { width: 640, height: 480 };
 const ROUNDS: usize = 7;
+/// Workgroups of a dispatch by hand, which has one dimension.
+const MOST_WORKGROUPS: u64 = 65535;
+const MOST_RAYS: u64 = MOST_WORKGROUPS * 64;
 const FRACTALS: [(&str, &str); 2] =
     [("mandelbulb", include_str!("mandelbulb.wgsl")), ("mandelbox", include_str!("mandelbox.wgsl"))];
 
@@ -47,7 +50,9 @@ fn main() {
         let columns = gpu.download(&rays).expect("rays download");
         let by_hand = ByHand::new(wgsl, &columns, pipeline.pixel_radius, 64);
         compare(name, rounds, &gpu, &generated, &rays, &by_hand);
-        for workgroup in [16, 32, 64, 128, 256] {
+        let rays = u64::from(size.width) * u64::from(size.height);
+        for workgroup in [16, 32, 64, 128, 256].into_iter().filter(|&w| rays.div_ceil(u64::from(w)) <= MOST_WORKGROUPS)
+        {
             let by_hand = ByHand::new(wgsl, &columns, pipeline.pixel_radius, workgroup);
             let least = (0..=rounds).map(|_| milliseconds(|| by_hand.run())).fold(f64::INFINITY, f64::min);
             println!("{:<12} by hand in workgroups of {workgroup}: {least:.1} ms", "");
@@ -61,8 +66,14 @@ fn wanted() -> Result<(usize, Size), String> {
     for word in std::env::args().skip(1).filter(|word| word != "--bench") {
         match (word.parse(), word.split_once('x').map(|(width, height)| (width.parse(), height.parse()))) {
             (Ok(wanted), _) if wanted > 0 => rounds = wanted,
-            (_, Some((Ok(width), Ok(height)))) if width > 0 && height > 0 => size = Size { width, height },
-            _ => return Err(format!("`{word}` is neither a number of rounds nor a size: write `7 2560x1920`")),
+            (_, Some((Ok(width), Ok(height)))) if (1..=MOST_RAYS).contains(&(u64::from(width) * u64::from(height))) => {
+                size = Size { width, height };
+            }
+            _ => {
+                return Err(format!(
+                    "`{word}` is neither a number of rounds nor a size of up to {MOST_RAYS} rays: write `7 2048x1536`"
+                ));
+            }
         }
     }
     Ok((rounds, size))
