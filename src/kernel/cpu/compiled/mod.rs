@@ -37,12 +37,12 @@ pub(super) struct Compiled {
     code: MachineCode,
     /// Vectors of the frame.
     slots: usize,
-    columns: Columns,
+    columns: ColumnPlaces,
 }
 
 /// Where a kernel finds its columns.
 #[derive(Clone)]
-struct Columns {
+struct ColumnPlaces {
     /// Of a march: the first vector of its columns, which lie one behind the other, each as many vectors as there are in step.
     /// Of other kernels: the first vector with the addresses of inputs and outputs.
     first: usize,

@@ -13,7 +13,7 @@ use super::instructions::InstructionSet;
 use super::kit::Kits;
 use super::segment::{Activity, CallSlots, Segment, Slots, Target};
 use super::trace::{Operation, Place, Recorder, Traced, TracedMask, Value};
-use super::{Columns, Compiled};
+use super::{ColumnPlaces, Compiled};
 use crate::kernel::cpu::Precision;
 use crate::kernel::cpu::estimate::POINT;
 use crate::kernel::cpu::interpret::interpret;
@@ -211,7 +211,7 @@ impl Builder {
         segment.copies(self.copies).emit(&mut self.assembler, &mut self.slots, self.calls, limit);
     }
 
-    fn map(&mut self, set: &TapeSet) -> Columns {
+    fn map(&mut self, set: &TapeSet) -> ColumnPlaces {
         let tape = &set.tapes[0];
         self.over_columns(tape.inputs.len(), tape.outputs.len(), |builder, inputs, outputs| {
             let recorder = builder.recorder();
@@ -222,7 +222,7 @@ impl Builder {
         })
     }
 
-    fn estimate(&mut self, tapes: &EstimatorTapes) -> Columns {
+    fn estimate(&mut self, tapes: &EstimatorTapes) -> ColumnPlaces {
         self.over_columns(POINT, tapes.combine.tapes[0].outputs.len(), |builder, inputs, outputs| {
             builder.estimator(tapes, &AroundEstimate { inputs, outputs });
         })
@@ -234,7 +234,7 @@ impl Builder {
         inputs: usize,
         outputs: usize,
         block: impl FnOnce(&mut Builder, Vec<Place>, Vec<Place>),
-    ) -> Columns {
+    ) -> ColumnPlaces {
         let columns = |range: Range<usize>| range.map(|i| Place::Column(i as u16, 0)).collect();
         let addresses = self.slots.take_many(((inputs + outputs) * ADDRESS).div_ceil(self.assembler.set.bytes()));
         self.assembler.first_address = addresses;
@@ -244,17 +244,17 @@ impl Builder {
         let is_used = |i: &usize| *i >= inputs || self.reads.contains(&Place::Column(*i as u16, 0));
         let used: Vec<u16> = (0..inputs + outputs).filter(is_used).map(|i| i as u16).collect();
         self.assembler.next_block(used.into_iter(), self.copies, again);
-        Columns { first: usize::from(addresses), max_march_steps: None }
+        ColumnPlaces { first: usize::from(addresses), max_march_steps: None }
     }
 
-    fn march(&mut self, tapes: &MarchTapes) -> Columns {
+    fn march(&mut self, tapes: &MarchTapes) -> ColumnPlaces {
         let first = self.slots.len();
         let around = AroundMarch { tapes, columns: self.places(COLUMNS) };
         let start = self.assembler.label();
         self.assembler.place(start);
         self.estimator(&tapes.estimator, &around);
         self.assembler.jump_if_enough_active(self.copies as u8, start);
-        Columns { first, max_march_steps: Some(f64::from(tapes.max_march_steps)) }
+        ColumnPlaces { first, max_march_steps: Some(f64::from(tapes.max_march_steps)) }
     }
 
     /// All orbits of an estimator, and what the kernel makes of them.
