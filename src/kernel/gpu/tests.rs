@@ -160,6 +160,22 @@ fn columns_of_several_buffers_are_joined_and_empty_ones_are_fine() {
 }
 
 #[test]
+fn columns_of_several_results_are_downloaded_together() {
+    let Some(gpu) = gpu() else { return };
+    let upload = |columns: &[Vec<f64>]| gpu.upload(columns).expect("little memory");
+    let (long, short) = (upload(&[vec![1.0, 2.0, 3.0], vec![4.0, 5.0, 6.0]]), upload(&[vec![7.0]]));
+    let empty = upload(&[vec![], vec![]]);
+    let wanted: [(&_, &[usize]); 4] = [(&long, &[1, 0]), (&empty, &[0, 1]), (&short, &[0]), (&long, &[])];
+    let got = gpu.download_together(&wanted).expect("it works");
+    assert_eq!(got[0], [[4.0, 5.0, 6.0], [1.0, 2.0, 3.0]]);
+    let nothing = vec![Vec::<f64>::new(); 2];
+    assert_eq!(got[1], nothing);
+    assert_eq!(got[2], [[7.0]]);
+    assert!(got[3].is_empty() && got.len() == 4);
+    assert_eq!(gpu.download_together(&wanted[1..2]).expect("nothing to wait for"), [nothing]);
+}
+
+#[test]
 fn columns_are_downloaded_in_the_order_asked_for() {
     let Some(gpu) = gpu() else { return };
     let columns = gpu.upload(&[vec![1.0, 2.0], vec![3.0, 4.0], vec![5.0, 6.0]]).expect("little memory");
