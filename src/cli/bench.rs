@@ -336,7 +336,7 @@ impl Bench<'_> {
     #[cfg(feature = "gpu")]
     fn on_gpu(&self, arena: &Arena, pipeline: &Pipeline, enough: Duration) -> (String, Result<Speed, BackendError>) {
         let gpu = self.machine.gpu.as_ref().expect("the GPU is measured only where there is one");
-        let timing = Timing { enough, is_asynchronous: true };
+        let timing = Timing { enough, is_device: true };
         let run = |kernel: &_, rays: &_| gpu.run(kernel, &[rays]);
         let speed = march_speed(gpu, arena, pipeline, self.arguments.size, timing, &run);
         (format!("gpu, f32, {}", gpu.adapter().name), speed)
@@ -367,7 +367,7 @@ fn on_threads(
     size: Size,
     enough: Duration,
 ) -> Result<Speed, BackendError> {
-    let timing = Timing { enough, is_asynchronous: false };
+    let timing = Timing { enough, is_device: false };
     // Without threads of its own the pool of the program does the work.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().ok();
     let run = |kernel: &_, rays: &_| match &pool {

@@ -278,8 +278,12 @@ pub trait Backend: Sync {
     fn download_together(&self, wanted: &[Wanted<Self::Columns>]) -> Result<Vec<Vec<Vec<f64>>>, BackendError> {
         wanted.iter().map(|(columns, numbers)| self.download_only(columns, numbers)).collect()
     }
-    /// Runs a kernel on the columns of all inputs, in order.
+    /// Runs a kernel on the columns of all inputs, in order. A device may still be at it when this returns.
     fn run(&self, kernel: &Self::Prepared, inputs: &[&Self::Columns]) -> Result<Self::Columns, BackendError>;
+    /// Waits until all is done that was asked for: for whoever measures it.
+    fn finish(&self) -> Result<(), BackendError> {
+        Ok(())
+    }
 }
 
 /// Why a back end could not do its work.

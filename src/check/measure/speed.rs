@@ -100,8 +100,8 @@ pub fn pixels(size: Size, count: usize) -> Vec<(u32, u32)> {
 pub struct Timing {
     /// Time to spend, about.
     pub enough: Duration,
-    /// True for back ends that have done their work only when its columns have come back: copying is timed with it.
-    pub is_asynchronous: bool,
+    /// True for back ends that few pixels do not keep busy: all are marched, however long that takes.
+    pub is_device: bool,
 }
 
 /// How a back end is asked to run a kernel on columns.
@@ -126,9 +126,7 @@ pub fn march_speed<B: Backend>(
     let timed = |rays: &B::Columns| {
         let start = Instant::now();
         let out = run(&march, rays)?;
-        if timing.is_asynchronous {
-            backend.download(&out)?;
-        }
+        backend.finish()?;
         Ok((start.elapsed(), out))
     };
     // A sample says how many pixels can be marched often enough.
@@ -137,7 +135,7 @@ pub fn march_speed<B: Backend>(
     let (first, _) = timed(&rays(&sample)?)?;
     let each = first.as_secs_f64() / sample.len() as f64;
     let fit = (timing.enough.as_secs_f64() / (LEAST_RUNS + 1) as f64 / each.max(1e-12)) as usize;
-    let chosen = pixels(size, if timing.is_asynchronous { all } else { fit.max(FIRST_PIXELS) });
+    let chosen = pixels(size, if timing.is_device { all } else { fit.max(FIRST_PIXELS) });
     let rays = rays(&chosen)?;
     let out = backend.download(&timed(&rays)?.1)?;
     let sum = |name: &str| {

@@ -243,15 +243,6 @@ impl Gpu {
         self.queue.submit(pending.drain(..))
     }
 
-    /// Waits until all is done that the device was given to do: for whoever measures it.
-    pub fn finish(&self) -> Result<(), BackendError> {
-        {
-            let _others = self.turn.read().unwrap_or_else(PoisonError::into_inner);
-            self.flush();
-        }
-        self.wait()
-    }
-
     /// Waits until the device has done all that was submitted.
     fn wait(&self) -> Result<(), BackendError> {
         self.poll(None)
@@ -344,5 +335,13 @@ impl Backend for Gpu {
 
     fn run(&self, kernel: &GpuKernel, inputs: &[&GpuColumns]) -> Result<GpuColumns, BackendError> {
         self.scoped(|| self.run_kernel(kernel, inputs))
+    }
+
+    fn finish(&self) -> Result<(), BackendError> {
+        {
+            let _others = self.turn.read().unwrap_or_else(PoisonError::into_inner);
+            self.flush();
+        }
+        self.wait()
     }
 }
