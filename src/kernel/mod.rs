@@ -238,7 +238,7 @@ pub struct Compiling {
     pub compiled: u32,
     /// Time of our own work: writing code and checking it.
     pub own: std::time::Duration,
-    /// Time of the driver's compiler.
+    /// Time of the driver's compiler, summed over kernels, which it may compile at the same time.
     pub driver: std::time::Duration,
 }
 

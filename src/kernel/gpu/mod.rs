@@ -38,8 +38,8 @@ pub struct Gpu {
     trouble: Trouble,
     cache: pipelines::Cache,
     dispatches: Mutex<Dispatches>,
-    /// Commands that are handed over with the next ones that somebody waits for: each time costs the host as much as all that
-    /// it records for a kernel. Locked after `turn`.
+    /// Commands that are handed over with the next ones that somebody waits for: handing over is dear, however few they are.
+    /// Locked after `turn`.
     pending: Mutex<Vec<wgpu::CommandBuffer>>,
     /// Held alone by the thread whose dispatch is being measured, and with others by those that hand over work.
     turn: RwLock<()>,

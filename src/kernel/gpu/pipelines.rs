@@ -93,11 +93,11 @@ impl Cache {
             return Ok(known);
         }
         let (module, _) = wgsl::validate(&key.0)?;
+        let pipelines = Arc::new(self.start(device, arena, kernel, module));
         self.count(|compiling| {
             compiling.compiled += 1;
             compiling.own += started.elapsed();
         });
-        let pipelines = Arc::new(self.start(device, arena, kernel, module));
         self.known.lock().unwrap_or_else(PoisonError::into_inner).insert(key, pipelines.clone());
         Ok(pipelines)
     }

@@ -103,7 +103,7 @@ impl Slices {
         let in_time = TOO_LONG.as_secs_f64();
         let all = learnt.price * f64::from(rays) * f64::from(most.min(ASKED));
         let steps = if learnt.step > 0.0 { (in_time / 2.0 / learnt.step) as u32 } else { most };
-        (learnt.price > 0.0 && all <= in_time && steps >= ASKED).then_some(steps.min(most))
+        (learnt.price > 0.0 && all <= in_time && steps >= most.min(ASKED)).then_some(steps.min(most))
     }
 
     /// The next slice of a march in which up to `running` rays have up to `left` steps to go.
@@ -215,6 +215,7 @@ mod tests {
         // 512 estimates for each of 65536 rays, in 67 ms.
         slices.know(2e-9, 0.0);
         assert_eq!(slices.unwatched(1 << 16, 1000), Some(1000));
+        assert_eq!(slices.unwatched(1 << 16, 1), Some(1), "a march of one step is short too");
         assert_eq!(slices.unwatched(1 << 17, 1000), None);
         // One ray of 1000 steps in 40 ms, one of 20000 in 800.
         slices.know(2e-9, 4e-5);
