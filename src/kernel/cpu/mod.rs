@@ -102,10 +102,10 @@ impl Cpu {
         self
     }
 
-    /// Name of the instruction set that kernels are compiled for, and the rays in step.
+    /// Name of the instruction set that kernels are compiled for, and the rays of a vector.
     fn machine_code(&self) -> Option<(&'static str, usize)> {
         #[cfg(target_arch = "x86_64")]
-        return self.set.map(|set| (set.name(), compiled::COPIES * set.lanes(self.precision)));
+        return self.set.map(|set| (set.name(), set.lanes(self.precision)));
         #[cfg(not(target_arch = "x86_64"))]
         None
     }
@@ -115,14 +115,14 @@ impl Cpu {
         self.precision
     }
 
-    /// The instruction set in use and the number of rays that one pack holds.
+    /// The instruction set in use and the number of rays that a vector holds, or a pack of the interpreter.
     pub fn description(&self) -> String {
         let precision = match self.precision {
             Precision::F64 => "f64",
             Precision::F32 => "f32",
         };
         if let Some((name, rays)) = self.machine_code() {
-            return format!("cpu, {precision}, {rays} rays at a time (machine code for {name})");
+            return format!("cpu, {precision}, {rays} rays a vector (machine code for {name})");
         }
         match self.precision {
             Precision::F64 => "cpu, f64, 1 ray at a time (interpreted)".into(),

@@ -60,6 +60,50 @@ impl Assembler {
         }
     }
 
+    /// Notes which lanes of the copies' masks are active, and sets the zero flag when none is. The masks' registers are overwritten.
+    pub(super) fn note(&mut self, conditions: &[u8]) {
+        let copies = conditions.len() as u16;
+        for (copy, &condition) in (0..).zip(conditions) {
+            let instruction = self.three(Form::And, condition, condition, Source::Slot(self.active_slot(copy)));
+            self.push(instruction);
+            self.store(self.first_active + copies + u16::from(copy), condition);
+        }
+        let (&either, others) = conditions.split_first().expect("at least one vector is in step");
+        for &condition in others {
+            let instruction = self.three(Form::Or, either, either, Source::Register(condition));
+            self.push(instruction);
+        }
+        self.test_vector(either);
+    }
+
+    /// Jumps when the last note had any lanes. Moves may stand between.
+    pub(super) fn jump_if_any_noted(&mut self, to: Label) {
+        self.branch(Code::Jne_rel32_64, to);
+    }
+
+    /// The lanes noted last are no longer active.
+    pub(super) fn deactivate_noted(&mut self, copies: u8) {
+        const NOTED: u8 = 0;
+        for copy in 0..copies {
+            self.load(NOTED, Source::Slot(self.first_active + u16::from(copies) + u16::from(copy)));
+            self.deactivate(copy, NOTED);
+        }
+    }
+
+    /// Jumps unless all lanes are active. May overwrite the first register. For masks that are vectors.
+    pub(super) fn jump_unless_all_active(&mut self, copies: u8, to: Label) {
+        const ALL: u8 = 0;
+        self.load(ALL, Source::Slot(self.active_slot(0)));
+        for copy in 1..copies {
+            let instruction = self.three(Form::And, ALL, ALL, Source::Slot(self.active_slot(copy)));
+            self.push(instruction);
+        }
+        let (signs, lanes) = (self.code(Form::Signs), self.set.lanes(self.precision));
+        self.push(Instruction::with2(signs, Register::EAX, self.vector(ALL)).expect(VALID));
+        self.push(Instruction::with2(Code::Cmp_rm32_imm32, Register::EAX, (1 << lanes) - 1).expect(VALID));
+        self.branch(Code::Jne_rel32_64, to);
+    }
+
     /// Saves the active lanes before a call, which may change the registers of masks.
     pub(super) fn save_active(&mut self, copies: u8) {
         for copy in 0..copies {
@@ -107,8 +151,13 @@ impl Assembler {
             let instruction = self.three(Form::Or, EITHER, EITHER, Source::Slot(first + copy));
             self.push(instruction);
         }
-        let either = self.vector(EITHER);
-        self.push(Instruction::with2(VEX_Vtestps_ymm_ymmm256, either, either).expect(VALID));
+        self.test_vector(EITHER);
+    }
+
+    /// Sets the zero flag when no lane of a mask is set.
+    fn test_vector(&mut self, condition: u8) {
+        let condition = self.vector(condition);
+        self.push(Instruction::with2(VEX_Vtestps_ymm_ymmm256, condition, condition).expect(VALID));
     }
 
     /// Jumps when at least as many lanes are active as the caller asked for.

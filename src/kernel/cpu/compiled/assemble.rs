@@ -51,7 +51,7 @@ impl Counter {
 /// Instructions, and the constants that they refer to.
 pub(super) struct Assembler {
     pub(super) set: InstructionSet,
-    precision: Precision,
+    pub(super) precision: Precision,
     /// First of the slots for the copies' active lanes.
     pub(super) first_active: u16,
     /// First of the slots for the addresses of columns.

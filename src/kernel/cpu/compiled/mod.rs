@@ -22,7 +22,7 @@ mod trace;
 use std::marker::PhantomData;
 
 use self::assemble::{Line, MachineCode};
-pub(super) use self::copies::COPIES;
+use self::copies::{COPIES, MORE_COPIES};
 pub(super) use self::instructions::InstructionSet;
 pub(super) use self::kernels::compile;
 use crate::kernel::cpu::Precision;
@@ -119,6 +119,9 @@ impl Compiled {
         assert_eq!(size_of::<[T; LANES]>(), self.set.bytes());
         let mut frame = Frame::new(self.slots, self.copies);
         match self.columns.max_march_steps {
+            Some(limit) if self.copies == MORE_COPIES => {
+                self.march::<T, LANES, MORE_COPIES>(&mut frame, limit, inputs, outputs);
+            }
             Some(limit) => self.march::<T, LANES, COPIES>(&mut frame, limit, inputs, outputs),
             None => self.map::<T, LANES>(&mut frame, inputs, outputs),
         }

@@ -23,6 +23,8 @@ pub(super) enum Activity {
     Become(Value),
     /// Those of a mask are no longer active, once the outputs are stored.
     Lose(Value),
+    /// Those of a mask are about to be lost: they are noted, and a jump may ask whether there are any. For masks that are vectors.
+    Note(Value),
 }
 
 /// Straight-line code.
@@ -62,7 +64,7 @@ impl Slots {
     }
 }
 
-/// Slots that calls use: two arguments, two results; then those of the copies' active lanes.
+/// Slots that calls use: two arguments, two results; then those of the copies' active lanes, and of lanes about to be lost.
 #[derive(Clone, Copy)]
 pub(super) struct CallSlots {
     pub(super) first: u16,
@@ -72,7 +74,7 @@ pub(super) struct CallSlots {
 impl CallSlots {
     /// How many there are.
     pub(super) fn count(copies: usize) -> usize {
-        4 + copies
+        4 + 2 * copies
     }
 
     /// The first of the slots for the active lanes.
@@ -99,8 +101,13 @@ impl Segment {
     pub(super) fn activity_values(&self) -> impl Iterator<Item = Value> {
         self.activity.iter().filter_map(|activity| match *activity {
             Activity::Unchanged => None,
-            Activity::Become(value) | Activity::Lose(value) => Some(value),
+            Activity::Become(value) | Activity::Lose(value) | Activity::Note(value) => Some(value),
         })
+    }
+
+    /// True when this is an iteration, which lanes leave.
+    pub(super) fn is_iteration(&self) -> bool {
+        self.activity.iter().any(|activity| matches!(activity, Activity::Lose(_) | Activity::Note(_)))
     }
 
     /// True when a function is called, which takes all registers.

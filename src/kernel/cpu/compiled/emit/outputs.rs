@@ -57,13 +57,22 @@ impl Emitter<'_> {
         }
     }
 
-    /// Ends the lanes that are no longer active.
+    /// Ends the lanes that are no longer active, or notes them.
     fn deactivate(&mut self, segment: &Segment) {
         for (copy, activity) in segment.activity.iter().enumerate() {
             if let Activity::Lose(mask) = *activity {
                 let mask = self.mask_register(mask, &[]);
                 self.assembler.deactivate(copy as u8, mask);
             }
+        }
+        let noted = segment.activity.iter().filter_map(|activity| match *activity {
+            Activity::Note(mask) => Some(mask),
+            _ => None,
+        });
+        let noted: Vec<Value> = noted.collect();
+        if !noted.is_empty() {
+            let masks: Vec<u8> = noted.iter().map(|&mask| self.mask_register(mask, &noted)).collect();
+            self.assembler.note(&masks);
         }
     }
 

@@ -8,7 +8,7 @@ use std::ops::Range;
 use self::orbits::{Start, finish};
 use super::assemble::Assembler;
 use super::blocks::ADDRESS;
-use super::copies::copies_of;
+use super::copies::{Order, copies_of};
 use super::instructions::InstructionSet;
 use super::kit::Kits;
 use super::segment::{Activity, CallSlots, Segment, Slots, Target};
@@ -96,6 +96,8 @@ trait Around {
     fn begin<'a>(&self, recorder: &'a Recorder) -> (Numbers<'a>, TracedMask<'a>);
     /// Whether the end needs the number of iterations and the lanes where an estimate was wanted.
     fn counts(&self) -> bool;
+    /// Whether the end reads no results of lanes where none was wanted.
+    fn ignores_idle(&self) -> bool;
     /// What becomes of the estimator's outputs and the number of iterations.
     fn end<'a>(
         &self,
@@ -120,6 +122,10 @@ impl Around for AroundEstimate {
     }
 
     fn counts(&self) -> bool {
+        false
+    }
+
+    fn ignores_idle(&self) -> bool {
         false
     }
 
@@ -150,6 +156,10 @@ impl Around for AroundMarch<'_> {
     }
 
     fn counts(&self) -> bool {
+        true
+    }
+
+    fn ignores_idle(&self) -> bool {
         true
     }
 
@@ -201,6 +211,12 @@ impl Builder {
         self.emit_copies(&Segment { operations: recorder.finish(), outputs, activity: vec![activity] }, limit);
     }
 
+    /// Emits what is not there for each copy.
+    fn emit_once(&mut self, recorder: Recorder, outputs: Outputs, limit: u8) {
+        let segment = Segment { operations: recorder.finish(), outputs, activity: vec![Activity::Unchanged] };
+        segment.emit(&mut self.assembler, &mut self.slots, self.calls, limit);
+    }
+
     fn emit_copies(&mut self, segment: &Segment, limit: u8) {
         self.reads.extend(segment.operations.iter().zip(segment.needed()).filter_map(|(operation, needed)| {
             match operation {
@@ -208,7 +224,8 @@ impl Builder {
                 _ => None,
             }
         }));
-        segment.copies(self.copies).emit(&mut self.assembler, &mut self.slots, self.calls, limit);
+        let order = if segment.is_iteration() { Order::OneByOne } else { Order::ByTurns };
+        segment.copies(self.copies, order).emit(&mut self.assembler, &mut self.slots, self.calls, limit);
     }
 
     fn map(&mut self, set: &TapeSet) -> ColumnPlaces {
@@ -274,7 +291,7 @@ impl Builder {
             let reads_n = orbit.reads_n() || tapes.combine.tapes[0].read.contains(&(next as u16 - 1));
             let places = self.place(orbit, reads_n || around.counts());
             self.begin(orbit, &places, around, &start, number == 0);
-            self.iterate(orbit, &places);
+            self.iterate(orbit, &places, around.ignores_idle());
             if number + 1 == tapes.orbits.len() {
                 last = Some((orbit, places));
                 break;

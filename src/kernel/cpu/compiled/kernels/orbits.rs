@@ -35,6 +35,15 @@ pub(super) struct Places {
     first: u8,
 }
 
+/// The lanes that an iteration is for.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Lanes {
+    /// Those that are active; the others keep their state.
+    Active,
+    /// All, whatever becomes of those that are not active.
+    All,
+}
+
 /// What orbits share.
 pub(super) struct Start {
     /// The point to estimate at.
@@ -57,7 +66,7 @@ impl Builder {
         let (end, has_masks) = (self.registers, self.assembler.set.has_masks());
         let counts = counts || has_masks;
         let mut places = Places { state, frozen, n, counts, iteration, numbered: false, limit: end, first: end };
-        let items = self.items(orbit, &places);
+        let items = self.items(orbit, &places, Lanes::Active);
         places.numbered = items.iter().any(|item| item.reads(places.iteration));
         let needed = (orbit.state + usize::from(has_masks)) * self.copies;
         let most = if has_masks { MOST_SET_ASIDE } else { usize::from(end) - LEFT_FREE };
@@ -109,35 +118,94 @@ impl Builder {
         self.emit(recorder, outputs, Activity::Become(active), places.limit);
     }
 
-    /// Iterates until no lane is active or `max_iterations` are done.
-    pub(super) fn iterate(&mut self, orbit: &OrbitTapes, places: &Places) {
+    /// Iterates until no lane is active or `max_iterations` are done. `idle_is_unread` is whether nothing reads the results of
+    /// lanes that were not active from the start.
+    pub(super) fn iterate(&mut self, orbit: &OrbitTapes, places: &Places, idle_is_unread: bool) {
         if orbit.max_iterations == 0 {
             return;
         }
-        let copies = self.copies as u8;
-        let items = self.items(orbit, places);
-        let [again, next, done] = [(); 3].map(|()| self.assembler.label());
+        let done = self.assembler.label();
         self.assembler.set_counter(Counter::Iterations, orbit.max_iterations);
         self.assembler.set_counter(Counter::Schedule, 0);
+        let active = self.assembler.label();
+        if !self.assembler.set.has_masks() {
+            self.iterate_all(orbit, places, idle_is_unread, [active, done]);
+        }
+        self.assembler.place(active);
+        self.assembler.jump_if_none_active(self.copies as u8, done);
+        self.take_turns(orbit, places, Lanes::Active, None);
+        self.count(places, Lanes::Active);
+        self.assembler.count_down(Counter::Iterations, active);
+        self.assembler.place(done);
+    }
+
+    /// Iterates all lanes until the first of them escapes: until then no old state has to be kept. Goes on behind it, or jumps: to
+    /// `active` where not all of them count, to `done` where nothing is left to do.
+    fn iterate_all(&mut self, orbit: &OrbitTapes, places: &Places, idle_is_unread: bool, [active, done]: [Label; 2]) {
+        let copies = self.copies as u8;
+        let [again, escaped] = [(); 2].map(|()| self.assembler.label());
+        match idle_is_unread {
+            true => self.assembler.jump_if_none_active(copies, done),
+            false => self.assembler.jump_unless_all_active(copies, active),
+        }
         self.assembler.place(again);
-        self.assembler.jump_if_none_active(copies, done);
+        self.take_turns(orbit, places, Lanes::All, Some(escaped));
+        self.count(places, Lanes::All);
+        self.assembler.count_down(Counter::Iterations, again);
+        self.share_count(places);
+        self.assembler.jump(done);
+        self.assembler.place(escaped);
+        self.assembler.deactivate_noted(copies);
+        self.count(places, Lanes::All);
+        self.share_count(places);
+        self.assembler.count_down(Counter::Iterations, active);
+        self.assembler.jump(done);
+    }
+
+    /// The schedule's next iteration. Jumps to `escaped` behind it when a lane escapes that was active.
+    fn take_turns(&mut self, orbit: &OrbitTapes, places: &Places, lanes: Lanes, escaped: Option<Label>) {
+        let items = self.items(orbit, places, lanes);
+        let next = self.assembler.label();
         let labels = self.dispatch(orbit, items.len());
         for (i, item) in items.iter().enumerate() {
             self.assembler.place(labels[i]);
             self.emit_copies(item, places.limit);
+            if let Some(escaped) = escaped {
+                self.assembler.jump_if_any_noted(escaped);
+            }
             if i + 1 < items.len() {
                 self.assembler.jump(next);
             }
         }
         self.assembler.place(next);
+    }
+
+    /// Counts an iteration: for tapes that read its number, and where all lanes take it in the place of the first copy's count.
+    fn count(&mut self, places: &Places, lanes: Lanes) {
+        let next = |recorder: &Recorder, place| vec![store(recorder.read(place) + Traced::splat(recorder, 1.0), place)];
         if places.numbered {
             let recorder = self.recorder();
-            let iteration = recorder.read(places.iteration) + Traced::splat(&recorder, 1.0);
-            let stored = vec![store(iteration, places.iteration)];
+            let stored = next(&recorder, places.iteration);
             self.emit(recorder, stored, Activity::Unchanged, places.first);
         }
-        self.assembler.count_down(Counter::Iterations, again);
-        self.assembler.place(done);
+        if lanes == Lanes::All && places.counts {
+            let recorder = self.recorder();
+            let stored = next(&recorder, places.n);
+            self.emit_once(recorder, stored, places.first);
+        }
+    }
+
+    /// Gives all copies the count of the first.
+    fn share_count(&mut self, places: &Places) {
+        if !places.counts {
+            return;
+        }
+        for copy in 1..self.copies {
+            let recorder = self.recorder();
+            let count = recorder.read(places.n);
+            let stored = vec![store(count, places.n.of_copy(copy))];
+            self.emit_once(recorder, stored, places.first);
+        }
     }
 
     /// Labels for the items of an iteration; with more than one, jumps to that of the schedule.
@@ -154,18 +222,23 @@ impl Builder {
     }
 
     /// The iterations that the schedule takes by turns.
-    fn items(&self, orbit: &OrbitTapes, places: &Places) -> Vec<Segment> {
-        orbit.set.tapes[orbit.items..].iter().map(|item| self.item(orbit, item, places)).collect()
+    fn items(&self, orbit: &OrbitTapes, places: &Places, lanes: Lanes) -> Vec<Segment> {
+        orbit.set.tapes[orbit.items..].iter().map(|item| self.item(orbit, item, places, lanes)).collect()
     }
 
-    /// One iteration: the new state where lanes are active, and the end of those that escaped.
-    fn item(&self, orbit: &OrbitTapes, item: &Tape, places: &Places) -> Segment {
+    /// One iteration: the new state of these lanes, and the end of those that escaped.
+    fn item(&self, orbit: &OrbitTapes, item: &Tape, places: &Places, lanes: Lanes) -> Segment {
         let recorder = self.recorder();
         let mut inputs = read_all(&recorder, &places.state);
         inputs.extend(read_all(&recorder, &places.frozen));
         inputs.push(recorder.read(places.iteration));
         let results = run_tape(&recorder, &orbit.set, item, &inputs);
         let (state, escaped) = (&results[..orbit.state], results[orbit.state].to_mask());
+        if lanes == Lanes::All {
+            let outputs = store_all(state, &places.state);
+            let activity = vec![Activity::Note(escaped.value)];
+            return Segment { operations: recorder.finish(), outputs, activity };
+        }
         let has_masks = self.assembler.set.has_masks();
         let store = |value: &Traced, place: &Place| match (has_masks, *place) {
             (true, Place::Register(register)) => (value.value, Target::ActiveRegister(register)),
