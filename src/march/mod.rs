@@ -99,6 +99,8 @@ impl MarchSettings {
 
 /// Share of the hit threshold that bisection narrows a hit down to.
 const BISECTION: f64 = 1.0 / 8.0;
+/// Share of the spacing of numbers at 1 that is added to the least steps, so that a ray leaves `t` = 0.
+const AT_START: f64 = 1e-3;
 
 /// Expressions of a ray and its state, as inputs of `locate` and `advance`.
 struct Inputs<'g> {
@@ -180,9 +182,10 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     function
 }
 
-/// The least step that any precision has at `t`.
-fn least_gap<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
-    ray.t * (2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01
+/// A share of the hit threshold at `t`, and never so little that adding it to `t` would change nothing.
+fn share_of_threshold<'g>(ray: &Inputs<'g>, settings: &MarchSettings, share: f64) -> Expr<'g> {
+    let spacing = if settings.min_difference <= MIN_DIFFERENCE_F64 { f64::EPSILON } else { f64::from(f32::EPSILON) };
+    ray.t * (settings.pixel_radius * share).max(4.0 * spacing) + (settings.hit_eps * share + spacing * AT_START)
 }
 
 /// The new state of a ray from its state and the estimate at `t`.
@@ -199,41 +202,43 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
         certified::advance(&mut function, &ray, settings, de, inside);
         return function;
     }
-    let (zero, unknown) = (arena.f(0.0), arena.f(-1.0));
+    let zero = arena.f(0.0);
     let hit_eps = ray.hit_eps(settings);
 
     let t_inside = inside.select(ray.t, ray.t_inside);
     let t_outside = inside.select(ray.t_outside, ray.t);
     let crossed = zero.le(t_inside);
-    let started_inside = crossed.and(t_outside.lt(zero));
 
-    // Marching: forward by the estimate. Bisecting: to the middle. A NaN estimate walks on. A step below the spacing of
-    // numbers at t, or of no length at t = 0, would stand still: then the least step that any precision has is taken.
+    // Marching: forward by the estimate. A NaN estimate walks on.
     let usable = zero.le(de).select(de, zero);
-    let walk = hit_eps * settings.least_step;
-    let wanted = ray.t + (usable * settings.fudge).max(walk);
-    let least = ray.t + least_gap(&ray, settings);
-    let forward = wanted.le(ray.t).select(least, wanted);
+    let walk = share_of_threshold(&ray, settings, settings.least_step);
+    let forward = ray.t + (usable * settings.fudge).max(walk);
     let relaxed = Relaxed::new(&ray, settings, walk, usable);
     let farther = relaxed.as_ref().map_or(forward, |relaxed| relaxed.farther(&ray, forward));
-    let middle = (t_inside + t_outside) * 0.5;
-    // No number may be left between the ends, however far they are from as near as they should be.
-    let between = t_outside.lt(middle).and(middle.lt(t_inside));
-    let narrow = (t_inside - t_outside).le(hit_eps * BISECTION).or(!between);
-    let bisected = crossed.and(narrow.or(started_inside));
-    let near = settings.stops_at_threshold.then(|| usable.lt(hit_eps).and(!inside));
+    // Bisecting: to the middle, until the ends are near each other. A ray that starts inside hits there.
+    let width = t_inside - t_outside;
+    let middle = t_outside + width * 0.5;
+    let narrow = width.le(share_of_threshold(&ray, settings, BISECTION)).or(t_outside.lt(zero));
+    let bisected = crossed.and(narrow);
+    let below = usable.lt(hit_eps);
+    let near = settings.stops_at_threshold.then(|| below.and(!inside));
     let hit = near.map_or(bisected, |near| near.or(bisected));
     let t_inside = near.map_or(t_inside, |near| near.select(ray.t, t_inside));
-    let miss = (!crossed.or(hit)).and(ray.t_far.le(forward));
+    let goes_on = !near.map_or(crossed, |near| near.or(crossed));
+    let miss = ray.t_far.le(forward).and(goes_on);
     let code = |status: Status| arena.f(status.code());
-    let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
-    let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, farther.min(ray.t_far)));
+    let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), zero));
+    let t = hit.select(t_inside, crossed.select(middle, farther.min(ray.t_far)));
     // The front stays where a walk under the threshold began.
-    let walking = usable.lt(hit_eps).and(ray.last_de.lt(hit_eps)).and(zero.le(ray.last_de));
-    let settled = crossed.or(walking);
-    let t_front = settled.select(ray.t_front, ray.t);
-    let next = [t, t_front, t_outside.max(unknown), t_inside, usable, status];
-    let next = relaxed.map_or(next, |relaxed| relaxed.or_back(&ray, settings, inside, next));
+    let walking = below.and(ray.last_de.lt(hit_eps)).and(zero.le(ray.last_de));
+    let mut stays = crossed.or(walking);
+    let mut next = [t, ray.t, t_outside, t_inside, usable, status];
+    if let Some((back, t)) = relaxed.map(|relaxed| relaxed.back(&ray, inside)) {
+        let here = [t, ray.t_front, ray.t_outside, ray.t_inside, ray.last_de, zero];
+        next.iter_mut().zip(here).for_each(|(next, here)| *next = back.select(here, *next));
+        stays = stays.or(back);
+    }
+    next[1] = stays.select(ray.t_front, ray.t);
     for (port, value) in march_state_ports().into_iter().zip(next) {
         function.output(port.name, value);
     }

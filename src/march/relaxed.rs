@@ -6,7 +6,7 @@
 //! by what is known now, or to where the first ball ends. Steps of a constant multiple are due to Keinert and others
 //! ("Enhanced Sphere Tracing", 2014), the slope to Ban and Valasek ("Automatic Step Size Relaxation in Sphere Tracing", 2023).
 
-use super::{Inputs, MarchSettings, least_gap};
+use super::{Inputs, MarchSettings};
 use crate::compose::Plan;
 use crate::expr::Expr;
 use crate::graph::Method;
@@ -29,6 +29,9 @@ pub(super) fn of_plan(plan: &Plan) -> f64 {
     if plan.choices.iter().any(|choice| along_ray(choice.method)) { 1.0 } else { MOST }
 }
 
+/// The radius of the last ball where there was none: so large that no step from there was too long, and none is longer.
+const UNKNOWN: f64 = 1e30;
+
 /// Longer steps of a march: what the ways ahead and back have in common.
 pub(super) struct Relaxed<'g> {
     /// The shortest step.
@@ -50,48 +53,31 @@ impl<'g> Relaxed<'g> {
         if settings.relaxation <= 1.0 {
             return None;
         }
-        let zero = ray.t.lift(0.0);
-        let (ball, last_ball) = (de * settings.fudge, ray.last_de * settings.fudge);
+        let (zero, one) = (walk.lift(0.0), walk.lift(1.0));
+        let last = zero.le(ray.last_de).select(ray.last_de, zero.lift(UNKNOWN));
+        let (ball, last_ball) = (de * settings.fudge, last * settings.fudge);
         let gap = (ray.t - ray.t_outside).max(walk * SLACK);
-        // Without an estimate before it the slope is that of the way straight to a wall.
-        let is_known = zero.le(ray.t_outside).and(zero.lt(ray.last_de));
-        let slope = is_known.select((ball - last_ball) / gap, ray.t.lift(-1.0));
-        // Balls touch here if their radius goes on to change by this slope.
+        // Balls touch here if their radius goes on to change by the slope (ball - last_ball) / gap.
         let behind = (TRUSTED / settings.fudge).min(1.0);
         let length = (1.0 + behind) * CAUTION;
-        let falling = (1.0 - slope * behind).max(slope.lift(length / settings.relaxation));
-        let touching = (slope.lift(length) / falling).max(slope.lift(1.0));
+        let falling = (gap - (ball - last_ball) * behind).max(gap * (length / settings.relaxation));
+        let touching = (gap * length / falling).max(one);
         Some(Relaxed { walk, gap, ball, last_ball, touching, behind })
     }
 
     /// Where to go instead of `forward`, the end of the ball.
     pub(super) fn farther(&self, ray: &Inputs<'g>, forward: Expr<'g>) -> Expr<'g> {
-        let wanted = ray.t + self.ball * self.touching;
-        self.walk.lt(self.ball).select(wanted.max(forward), forward)
+        self.walk.lt(self.ball).select(ray.t + self.ball * self.touching, forward)
     }
 
-    /// The state `next`, or the way back where the step to here was too long: `t, t_front, t_outside, t_inside, last_de,
-    /// status`.
-    pub(super) fn or_back(
-        &self,
-        ray: &Inputs<'g>,
-        settings: &MarchSettings,
-        inside: Expr<'g>,
-        next: [Expr<'g>; 6],
-    ) -> [Expr<'g>; 6] {
-        let zero = ray.t.lift(0.0);
-        // A step that the precision made longer, since a shorter one would stand still, is no step too long.
-        let plain = self.last_ball.max(self.walk).max(least_gap(ray, settings));
-        let is_march = zero.le(ray.t_outside).and(ray.t_inside.lt(zero));
-        let was_longer = is_march.and((plain + self.walk * SLACK).lt(self.gap));
+    /// Whether the step to here was too long, and where to go back to then.
+    pub(super) fn back(&self, ray: &Inputs<'g>, inside: Expr<'g>) -> (Expr<'g>, Expr<'g>) {
+        let plain = self.last_ball.max(self.walk);
+        let was_longer = ray.t_inside.lt(ray.t.lift(0.0)).and((plain + self.walk * SLACK).lt(self.gap));
         let is_apart = inside.or((self.last_ball + self.ball * self.behind).lt(self.gap));
         let touch = self.last_ball * self.touching;
         let t = ray.t_outside + inside.select(plain, touch.min(self.gap * SHORTER).max(plain));
         // Back means back, whatever is lost to rounding.
-        let back = was_longer.and(is_apart).and(t.lt(ray.t));
-        let here = [t, ray.t_front, ray.t_outside, ray.t_inside, ray.last_de, ray.status];
-        let mut state = next;
-        state.iter_mut().zip(here).for_each(|(next, here)| *next = back.select(here, *next));
-        state
+        (was_longer.and(is_apart).and(t.lt(ray.t)), t)
     }
 }

@@ -325,6 +325,11 @@ impl Assembler {
         self.masks(VEX_Kandw_kr_kr_kr, Form::And, dst, a, b);
     }
 
+    /// Lanes of `a` that are none of `b`.
+    pub(super) fn mask_and_not(&mut self, dst: u8, a: u8, b: u8) {
+        self.masks(VEX_Kandnw_kr_kr_kr, Form::AndNot, dst, b, a);
+    }
+
     pub(super) fn mask_or(&mut self, dst: u8, a: u8, b: u8) {
         self.masks(VEX_Korw_kr_kr_kr, Form::Or, dst, a, b);
     }

@@ -52,6 +52,8 @@ pub(super) enum Operation {
     /// 1 where the mask is set, else 0.
     FromMask(Value),
     MaskAnd(Value, Value),
+    /// Lanes of the first that are none of the second.
+    MaskAndNot(Value, Value),
     MaskOr(Value, Value),
     MaskNot(Value),
     /// The first result of a function of the maths kit; the arguments beyond its own are repeated.
@@ -127,9 +129,8 @@ impl Operation {
         let list = match self {
             Constant(_) | Uniform(_) | Read(_) => [None; 3],
             Unary(_, a) | FromMask(a) | MaskNot(a) | Second(a) => [Some(a), None, None],
-            Binary(_, a, b) | Compare(_, a, b) | MaskAnd(a, b) | MaskOr(a, b) | Call(_, a, b) => {
-                [Some(a), Some(b), None]
-            }
+            Binary(_, a, b) | Compare(_, a, b) | Call(_, a, b) => [Some(a), Some(b), None],
+            MaskAnd(a, b) | MaskAndNot(a, b) | MaskOr(a, b) => [Some(a), Some(b), None],
             MulAdd { a, b, c, .. } | Select(a, b, c) => [Some(a), Some(b), Some(c)],
         };
         list.into_iter().flatten()
@@ -147,6 +148,7 @@ impl Operation {
             Binary(binary, a, b) => Binary(binary, to(a), to(b)),
             Compare(comparison, a, b) => Compare(comparison, to(a), to(b)),
             MaskAnd(a, b) => MaskAnd(to(a), to(b)),
+            MaskAndNot(a, b) => MaskAndNot(to(a), to(b)),
             MaskOr(a, b) => MaskOr(to(a), to(b)),
             Call(kit, a, b) => Call(kit, to(a), to(b)),
             Select(a, b, c) => Select(to(a), to(b), to(c)),
@@ -159,7 +161,7 @@ impl Operation {
     /// True when the result is a mask.
     pub(super) fn is_mask(self) -> bool {
         use Operation::*;
-        matches!(self, Compare(..) | MaskAnd(..) | MaskOr(..) | MaskNot(_) | Read(Place::Active(_)))
+        matches!(self, Compare(..) | MaskAnd(..) | MaskAndNot(..) | MaskOr(..) | MaskNot(_) | Read(Place::Active(_)))
     }
 }
 
@@ -211,6 +213,15 @@ impl Recorder {
         }
     }
 
+    /// The lanes of two masks.
+    fn both(&self, a: Value, b: Value) -> Operation {
+        match (self.operation(a), self.operation(b)) {
+            (_, Operation::MaskNot(b)) => Operation::MaskAndNot(a, b),
+            (Operation::MaskNot(a), _) => Operation::MaskAndNot(b, a),
+            _ => Operation::MaskAnd(a, b),
+        }
+    }
+
     fn operation(&self, value: Value) -> Operation {
         self.operations.borrow()[value as usize]
     }
@@ -254,7 +265,7 @@ impl<'a> Traced<'a> {
             _ => None,
         };
         let logic = match (operation, mask(self), mask(other)) {
-            (Binary::Mul, Some(a), Some(b)) => Operation::MaskAnd(a, b),
+            (Binary::Mul, Some(a), Some(b)) => self.recorder.both(a, b),
             (Binary::Max, Some(a), Some(b)) => Operation::MaskOr(a, b),
             (Binary::Sub, None, Some(b)) if self.is(1.0) => self.recorder.inverse(b),
             _ => return None,
@@ -415,7 +426,7 @@ impl<'a> Real for Traced<'a> {
     }
 
     fn mask_and(a: TracedMask<'a>, b: TracedMask<'a>) -> TracedMask<'a> {
-        TracedMask { value: a.recorder.value(Operation::MaskAnd(a.value, b.value)), ..a }
+        TracedMask { value: a.recorder.value(a.recorder.both(a.value, b.value)), ..a }
     }
 
     fn mask_or(a: TracedMask<'a>, b: TracedMask<'a>) -> TracedMask<'a> {

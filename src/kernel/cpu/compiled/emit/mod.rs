@@ -338,6 +338,12 @@ impl<'a> Emitter<'a> {
                 self.assembler.compare(comparison, dst, first, second);
                 self.hold(value, dst);
             }
+            Operation::Select(mask, a, b) if !self.assembler.set.has_masks() && self.is_zero(b) => {
+                self.masked(value, operation, Form::And, [mask, a]);
+            }
+            Operation::Select(mask, a, b) if !self.assembler.set.has_masks() && self.is_zero(a) => {
+                self.masked(value, operation, Form::AndNot, [mask, b]);
+            }
             Operation::Select(mask, a, b) => {
                 let keep = [mask, a, b];
                 let mask = self.mask_register(mask, &keep);
@@ -353,20 +359,19 @@ impl<'a> Emitter<'a> {
                 self.hold(value, dst);
             }
             Operation::MaskAnd(a, b) | Operation::MaskOr(a, b) if !self.assembler.set.has_masks() => {
-                let (a, b) = if self.reads_from_memory(a) { (b, a) } else { (a, b) };
-                let (first, second) = (self.register(a, &[a, b]), self.source(b, &[a, b]));
-                let dst = self.result(value, operation);
                 let form = if matches!(operation, Operation::MaskAnd(..)) { Form::And } else { Form::Or };
-                let instruction = self.assembler.three(form, dst, first, second);
-                self.assembler.push(instruction);
-                self.hold(value, dst);
+                self.masked(value, operation, form, if self.reads_from_memory(a) { [b, a] } else { [a, b] });
             }
-            Operation::MaskAnd(a, b) | Operation::MaskOr(a, b) => {
+            Operation::MaskAndNot(a, b) if !self.assembler.set.has_masks() => {
+                self.masked(value, operation, Form::AndNot, [b, a]);
+            }
+            Operation::MaskAnd(a, b) | Operation::MaskAndNot(a, b) | Operation::MaskOr(a, b) => {
                 let (first, second) = (self.mask_register(a, &[a, b]), self.mask_register(b, &[a, b]));
                 self.retire(operation.sources());
                 let dst = self.take_mask(&[]);
                 match operation {
                     Operation::MaskAnd(..) => self.assembler.mask_and(dst, first, second),
+                    Operation::MaskAndNot(..) => self.assembler.mask_and_not(dst, first, second),
                     _ => self.assembler.mask_or(dst, first, second),
                 }
                 self.hold(value, dst);
@@ -392,6 +397,20 @@ impl<'a> Emitter<'a> {
                 self.hold(value, dst);
             }
         }
+    }
+
+    /// True for the constant 0.
+    fn is_zero(&self, value: Value) -> bool {
+        self.operations[value as usize] == Operation::Constant(0)
+    }
+
+    /// A bitwise operation of a mask that is a vector, and a value.
+    fn masked(&mut self, value: Value, operation: Operation, form: Form, [mask, a]: [Value; 2]) {
+        let (first, second) = (self.register(mask, &[mask, a]), self.source(a, &[mask, a]));
+        let dst = self.result(value, operation);
+        let instruction = self.assembler.three(form, dst, first, second);
+        self.assembler.push(instruction);
+        self.hold(value, dst);
     }
 
     /// A register for the result, after the last use of sources that end here. A source that has to make room is

@@ -176,14 +176,14 @@ impl Around for AroundMarch<'_> {
         let state = run_tape(recorder, set, &set.tapes[0], &inputs);
         let de = estimate[0];
         let nan = Traced::from_mask(recorder, Traced::mask_not(de.eq(de)));
-        let counts = [Traced::splat(recorder, 1.0), iterations, nan];
-        let counted =
-            counts.into_iter().zip(&self.columns[STEPS..]).map(|(count, &place)| recorder.read(place) + count);
-        let live = live.to_mask();
+        let (live, zero) = (live.to_mask(), Traced::splat(recorder, 0.0));
         let places = &self.columns[RAY..];
-        let merged: Numbers = (state.into_iter().chain(counted).zip(places))
-            .map(|(new, &place)| Traced::select(live, new, recorder.read(place)))
-            .collect();
+        let (states, counters) = places.split_at(STATE);
+        let mut merged: Numbers =
+            state.iter().zip(states).map(|(new, &place)| Traced::select(live, *new, recorder.read(place))).collect();
+        let counts = [Traced::splat(recorder, 1.0), iterations, nan];
+        let counted = counts.into_iter().zip(counters);
+        merged.extend(counted.map(|(count, &place)| recorder.read(place) + Traced::select(live, count, zero)));
         let running = self.running(recorder, merged[STATUS - RAY], merged[STEPS - RAY]);
         (store_all(&merged, places), Activity::Become(running.value))
     }
