@@ -28,6 +28,8 @@ pub trait Number: Copy + Default + Send + 'static {
 
 /// Memories that a thread keeps: as many as the kernels of a tile need at the same time.
 const MOST_SPARE: usize = 8;
+/// Numbers that a memory has room for at least: the columns of most kernels of a tile, so that it need not be moved to grow.
+const LEAST_NUMBERS: usize = 1 << 16;
 /// Most numbers of a memory that is kept.
 const MOST_NUMBERS: usize = 1 << 18;
 
@@ -67,6 +69,9 @@ impl<T: Number> Columns<T> {
         let mut numbers = T::spare().with(|spare| spare.borrow_mut().pop()).unwrap_or_default();
         // Memory that was longer stays so, that nothing is ever filled twice.
         let needed = count * Columns::<T>::stride(len);
+        if numbers.capacity() < needed {
+            numbers = Vec::with_capacity(needed.max(LEAST_NUMBERS));
+        }
         if numbers.len() < needed {
             numbers.resize(needed, T::default());
         }
