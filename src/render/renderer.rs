@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use super::beams::{Beams, NOTHING, Starts};
 use super::stats::column;
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
-use crate::film::{Tile, srgb_byte};
+use crate::film::Tile;
 use crate::kernel::{Backend, BackendError, Batch, Status, Wanted};
 use crate::shade::Size;
 
@@ -138,8 +138,10 @@ impl Pixels {
     }
 }
 
-/// Columns of red, green and blue.
-type Colours = Vec<Vec<f64>>;
+/// The columns of linear colours: red, green and blue.
+const LINEAR: &[usize] = &[0, 1, 2];
+/// The column of encoded colours.
+const ENCODED: &[usize] = &[0];
 
 /// What was computed of some pixels, still where the back end has it.
 struct Part<C> {
@@ -240,8 +242,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let encoded: Vec<_> = timed(&mut stats.shade, || parts.iter().map(encode).collect::<Result<_, _>>())?;
         // Linear colours are only for sums with others.
         let linear = parts.iter().filter(|_| self.samples.len() > 1).map(|part| &part.colours);
-        let wanted: Vec<&B::Columns> = encoded.iter().chain(linear).collect();
-        let (status, colours) = self.results(&parts, &wanted, stats)?;
+        let wanted = encoded.iter().map(|srgb| (srgb, ENCODED)).chain(linear.map(|linear| (linear, LINEAR)));
+        let (status, colours) = self.results(&parts, wanted.collect(), stats)?;
         let (srgb, linear) = colours.split_at(parts.len());
         for (k, part) in parts.iter().enumerate() {
             let (status, linear, pixels) = (&status[k], linear.get(k), &part.pixels);
@@ -268,8 +270,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let mut cut = [0, 1].map(|_| Pixels::with_capacity(pixels.len()));
         pixels.iter().for_each(|&place| Pixels::sort_into(&mut cut, place, first(place).start));
         let parts = self.sample(cut, others, stats)?;
-        let wanted: Vec<&B::Columns> = parts.iter().map(|part| &part.colours).collect();
-        let (_, colours) = self.results(&parts, &wanted, stats)?;
+        let wanted = parts.iter().map(|part| (&part.colours, LINEAR)).collect();
+        let (_, colours) = self.results(&parts, wanted, stats)?;
         let places: Vec<(u32, u32)> = parts.iter().flat_map(|part| &part.pixels.places).copied().collect();
         let scale = 1.0 / self.samples.len() as f64;
         let average = |k: usize| {
@@ -354,17 +356,17 @@ impl<'b, B: Backend> Renderer<'b, B> {
     fn results(
         &self,
         parts: &[Part<B::Columns>],
-        wanted: &[&B::Columns],
+        wanted: Vec<Wanted<B::Columns>>,
         stats: &mut Stats,
-    ) -> Result<(Vec<Vec<f64>>, Vec<Colours>), BackendError> {
-        let (counted, steps) = (stats.counted(), [column("steps")]);
-        let mut all: Vec<Wanted<B::Columns>> = wanted.iter().map(|&colours| (colours, &[0, 1, 2][..])).collect();
+    ) -> Result<(Vec<Vec<f64>>, Vec<Vec<Vec<f64>>>), BackendError> {
+        let (counted, steps, colours) = (stats.counted(), [column("steps")], wanted.len());
+        let mut wanted = wanted;
         for (hits, shadows) in parts.iter().filter_map(|part| part.marches.as_ref()) {
-            all.push((hits, &counted));
-            all.extend(shadows.iter().map(|shadows| (shadows, &steps[..])));
+            wanted.push((hits, &counted));
+            wanted.extend(shadows.iter().map(|shadows| (shadows, &steps[..])));
         }
-        let mut colours = timed(&mut stats.results, || self.backend.download_together(&all))?;
-        let mut counts = colours.split_off(wanted.len()).into_iter();
+        let mut results = timed(&mut stats.results, || self.backend.download_together(&wanted))?;
+        let mut counts = results.split_off(colours).into_iter();
         let mut count = |part: &Part<B::Columns>| {
             let (_, shadows) = part.marches.as_ref()?;
             let mut hits = counts.next()?;
@@ -374,14 +376,16 @@ impl<'b, B: Backend> Renderer<'b, B> {
             }
             Some(hits.swap_remove(0))
         };
-        Ok((parts.iter().map(|part| count(part).unwrap_or_default()).collect(), colours))
+        Ok((parts.iter().map(|part| count(part).unwrap_or_default()).collect(), results))
     }
 }
 
-/// Columns of red, green and blue in sRGB as bytes; NaN is black.
+/// The bytes of colours as [`compose_encode`](crate::shade::compose_encode) gives them.
 fn bytes(srgb: &[Vec<f64>]) -> impl Iterator<Item = [u8; 3]> + '_ {
-    let pairs = srgb[0].iter().zip(&srgb[1]).zip(&srgb[2]);
-    pairs.map(|((&red, &green), &blue)| [srgb_byte(red), srgb_byte(green), srgb_byte(blue)])
+    srgb[0].iter().map(|&all| {
+        let [blue, green, red, _] = (all as u32).to_le_bytes();
+        [red, green, blue]
+    })
 }
 
 /// Where the samples of a pixel lie in it: on a grid with this many on an edge, the one nearest to the centre first.

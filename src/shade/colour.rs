@@ -140,13 +140,19 @@ const SRGB_LINE_END: f64 = 0.003_130_8;
 const SRGB_CURVE: [f64; 7] =
     [-0.059_739_01, 0.141_958_26, 1.354_572_65, -0.825_280_02, 0.621_002_28, -0.294_247_64, 0.061_734_31];
 
-/// Linear colours to sRGB (IEC 61966-2-1), 0 to 1.
+/// Linear colours to bytes of sRGB (IEC 61966-2-1), all three in one number: red is worth 65536, green 256. What is not a number
+/// is 0.
 pub fn compose_encode(arena: &Arena) -> Function {
     let mut function = Function::new("encode", vec![Port::new("colour", Type::V3)]);
-    let colour = arena.input(0, Type::V3).clamp(arena.f(0.0), arena.f(1.0));
-    let root = colour.max(arena.f(SRGB_LINE_END)).sqrt().sqrt();
+    let (zero, one) = (arena.f(0.0), arena.f(1.0));
+    let colour = arena.input(0, Type::V3);
+    let inside = colour.clamp(zero, one);
+    let root = inside.max(arena.f(SRGB_LINE_END)).sqrt().sqrt();
     let [rest @ .., highest] = SRGB_CURVE;
     let curve = rest.iter().rev().fold(root * 0.0 + highest, |sum, &coefficient| sum * root + coefficient);
-    function.output("srgb", colour.le(arena.f(SRGB_LINE_END)).select(colour * 12.92, curve));
+    let srgb = inside.le(arena.f(SRGB_LINE_END)).select(inside * 12.92, curve);
+    let bytes = zero.lt(colour).select(srgb.min(one) * 255.0 + 0.5, zero).floor();
+    let [red, green, blue] = [0, 1, 2].map(|i| bytes.components()[i]);
+    function.output("srgb", (red * 256.0 + green) * 256.0 + blue);
     function
 }

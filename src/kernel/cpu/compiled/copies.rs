@@ -9,12 +9,15 @@ use std::ops::Range;
 use super::instructions::InstructionSet;
 use super::segment::{Activity, Segment, Target};
 use super::trace::{Operation, Place, Value};
-use crate::kernel::cpu::tapes::Program;
+use crate::expr::ops::Operator;
+use crate::kernel::cpu::tapes::{OrbitTapes, Program};
+use crate::kernel::tape::Code;
 
 /// Vectors in step. With more of them fewer lanes are busy while the last one iterates.
 pub(super) const COPIES: usize = 2;
-/// Vectors in step where all their state has room in registers, with AVX2, whose vectors are half as long. A march of the box took
-/// an eighth less time than with two, and one of 13 numbers a twentieth more.
+/// Vectors in step where all their state has room in registers and an iteration waits long, with AVX2, whose vectors are half as
+/// long. A march of the box took an eighth less time than with two, that of a sponge without quotients a twentieth more, and so did
+/// those of larger states.
 pub(super) const MORE_COPIES: usize = 3;
 /// Numbers of a state that has room.
 const SMALL_STATE: usize = 4;
@@ -26,8 +29,17 @@ pub(super) fn copies_of(program: &Program, set: InstructionSet) -> usize {
         Program::Estimate(tapes) => tapes,
         Program::March(tapes) => &tapes.estimator,
     };
-    let is_small = estimator.orbits.iter().all(|orbit| orbit.state <= SMALL_STATE);
-    if set == InstructionSet::Avx2 && is_small { MORE_COPIES } else { COPIES }
+    let is_small = |orbit: &OrbitTapes| orbit.state <= SMALL_STATE && waits(orbit);
+    match set == InstructionSet::Avx2 && estimator.orbits.iter().all(is_small) {
+        true => MORE_COPIES,
+        false => COPIES,
+    }
+}
+
+/// Whether an iteration has a quotient or a root, whose results take several times as long as others.
+fn waits(orbit: &OrbitTapes) -> bool {
+    let mut instructions = orbit.set.tapes[orbit.items..].iter().flat_map(|item| &item.instructions);
+    instructions.any(|instruction| matches!(instruction.code, Code::Apply(Operator::Div | Operator::Sqrt)))
 }
 
 /// How the operations of the vectors in step follow each other.
