@@ -8,7 +8,7 @@ use crate::expr::Arena;
 use crate::formula::library::Library;
 use crate::graph::{EstimateSettings, Method, ValidGraph};
 use crate::kernel::{BackendError, Estimator, Kernel, Status, inwards, march_output_ports};
-use crate::march::{MIN_DIFFERENCE_F32, MarchSettings, compose_march};
+use crate::march::{MarchSettings, compose_march};
 
 /// Escape radius of orbits that must not be stopped. Its square is still a number in single precision.
 const NO_ESCAPE: f64 = 1e18;
@@ -136,7 +136,7 @@ impl<'a> Subject<'a> {
         let settings = MarchSettings {
             hit_eps,
             max_march_steps: 100_000,
-            ..MarchSettings::of_plan(&self.plan, 0.0, MIN_DIFFERENCE_F32)
+            ..MarchSettings::of_plan(&self.plan, 0.0, target.min_difference())
         };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
         let mut columns = vec![Vec::new(); 8];

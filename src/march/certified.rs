@@ -9,7 +9,7 @@
 //! ray was walked over without proof and left again, or a hit was walked up to for longer than a footprint. The
 //! walk is that of estimates in smaller steps, so pictures are closed.
 
-use super::{BISECTION, Inputs, MarchSettings};
+use super::{BISECTION, Inputs, MarchSettings, least_gap};
 use crate::expr::{Expr, Function};
 use crate::kernel::Status;
 
@@ -90,11 +90,6 @@ impl<'g> Stretch<'g> {
         let ahead = searches.select(walk, reach * AHEAD);
         Stretch { walk, is_first, bisects, searches, reach, ahead: bisects.or(is_first).select(zero, ahead) }
     }
-}
-
-/// The least step that any precision has at `t`.
-fn least_gap<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
-    ray.t * (2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01
 }
 
 /// The outputs of `advance` from the estimate of the ray's [`Stretch`]. `t_front` is where the present walk began; up to `t`

@@ -99,8 +99,6 @@ impl MarchSettings {
 
 /// Share of the hit threshold that bisection narrows a hit down to.
 const BISECTION: f64 = 1.0 / 8.0;
-/// Share of the spacing of numbers at 1 that is added to the least steps, so that a ray leaves `t` = 0.
-const AT_START: f64 = 1e-3;
 
 /// Expressions of a ray and its state, as inputs of `locate` and `advance`.
 struct Inputs<'g> {
@@ -182,10 +180,15 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     function
 }
 
-/// A share of the hit threshold at `t`, and never so little that adding it to `t` would change nothing.
-fn share_of_threshold<'g>(ray: &Inputs<'g>, settings: &MarchSettings, share: f64) -> Expr<'g> {
+/// The least step that any precision has at `t`.
+fn least_gap<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
+    ray.t * (2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01
+}
+
+/// How near to each other the ends of a bisection need to be, somewhere around `t`: there is always a number between farther ones.
+fn narrow_gap<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
     let spacing = if settings.min_difference <= MIN_DIFFERENCE_F64 { f64::EPSILON } else { f64::from(f32::EPSILON) };
-    ray.t * (settings.pixel_radius * share).max(4.0 * spacing) + (settings.hit_eps * share + spacing * AT_START)
+    ray.t * (settings.pixel_radius * BISECTION).max(4.0 * spacing) + settings.hit_eps * BISECTION
 }
 
 /// The new state of a ray from its state and the estimate at `t`.
@@ -209,16 +212,18 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let t_outside = inside.select(ray.t_outside, ray.t);
     let crossed = zero.le(t_inside);
 
-    // Marching: forward by the estimate. A NaN estimate walks on.
+    // Marching: forward by the estimate. A NaN estimate walks on. A step below the spacing of numbers at t, or of no length at
+    // t = 0, would stand still: then the least step that any precision has is taken.
     let usable = zero.le(de).select(de, zero);
-    let walk = share_of_threshold(&ray, settings, settings.least_step);
-    let forward = ray.t + (usable * settings.fudge).max(walk);
+    let walk = hit_eps * settings.least_step;
+    let wanted = ray.t + (usable * settings.fudge).max(walk);
+    let forward = wanted.le(ray.t).select(ray.t + least_gap(&ray, settings), wanted);
     let relaxed = Relaxed::new(&ray, settings, walk, usable);
     let farther = relaxed.as_ref().map_or(forward, |relaxed| relaxed.farther(&ray, forward));
     // Bisecting: to the middle, until the ends are near each other. A ray that starts inside hits there.
     let width = t_inside - t_outside;
     let middle = t_outside + width * 0.5;
-    let narrow = width.le(share_of_threshold(&ray, settings, BISECTION)).or(t_outside.lt(zero));
+    let narrow = width.le(narrow_gap(&ray, settings)).or(t_outside.lt(zero));
     let bisected = crossed.and(narrow);
     let below = usable.lt(hit_eps);
     let near = settings.stops_at_threshold.then(|| below.and(!inside));
@@ -233,7 +238,7 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let walking = below.and(ray.last_de.lt(hit_eps)).and(zero.le(ray.last_de));
     let mut stays = crossed.or(walking);
     let mut next = [t, ray.t, t_outside, t_inside, usable, status];
-    if let Some((back, t)) = relaxed.map(|relaxed| relaxed.back(&ray, inside)) {
+    if let Some((back, t)) = relaxed.map(|relaxed| relaxed.back(&ray, settings, inside)) {
         let here = [t, ray.t_front, ray.t_outside, ray.t_inside, ray.last_de, zero];
         next.iter_mut().zip(here).for_each(|(next, here)| *next = back.select(here, *next));
         stays = stays.or(back);

@@ -6,7 +6,7 @@
 //! by what is known now, or to where the first ball ends. Steps of a constant multiple are due to Keinert and others
 //! ("Enhanced Sphere Tracing", 2014), the slope to Ban and Valasek ("Automatic Step Size Relaxation in Sphere Tracing", 2023).
 
-use super::{Inputs, MarchSettings};
+use super::{Inputs, MarchSettings, least_gap};
 use crate::compose::Plan;
 use crate::expr::Expr;
 use crate::graph::Method;
@@ -71,8 +71,9 @@ impl<'g> Relaxed<'g> {
     }
 
     /// Whether the step to here was too long, and where to go back to then.
-    pub(super) fn back(&self, ray: &Inputs<'g>, inside: Expr<'g>) -> (Expr<'g>, Expr<'g>) {
-        let plain = self.last_ball.max(self.walk);
+    pub(super) fn back(&self, ray: &Inputs<'g>, settings: &MarchSettings, inside: Expr<'g>) -> (Expr<'g>, Expr<'g>) {
+        // A step that the precision made longer, since a shorter one would stand still, is no step too long.
+        let plain = self.last_ball.max(self.walk).max(least_gap(ray, settings));
         let was_longer = ray.t_inside.lt(ray.t.lift(0.0)).and((plain + self.walk * SLACK).lt(self.gap));
         let is_apart = inside.or((self.last_ball + self.ball * self.behind).lt(self.gap));
         let touch = self.last_ball * self.touching;

@@ -28,7 +28,7 @@ struct Lowering<'a> {
     nodes: Vec<NodeId>,
     needed: HashMap<NodeId, u8>,
     uses: HashMap<NodeId, u32>,
-    /// Products that the sum that reads them computes.
+    /// Products and quotients that are computed by what reads them.
     absorbed: HashSet<NodeId>,
     /// Virtual register of each component; pinned ones first.
     registers: HashMap<NodeId, [u32; 4]>,
@@ -181,19 +181,43 @@ impl<'a> Lowering<'a> {
         registers
     }
 
-    /// `a * b + c`, `a * b - c` and `c - a * b`, where nothing else reads the product, are one instruction: finds such
-    /// products.
+    /// `a * b + c`, `a * b - c` and `c - a * b`, where nothing else reads the product, are one instruction, and so is a constant
+    /// times `1 / a`: finds such products and quotients.
     fn find_absorbed(&mut self) {
-        for &id in &self.nodes {
-            let node = self.arena.node(id);
-            let is_sum = matches!(node.op, Op::Apply(Operator::Add | Operator::Sub));
-            if !is_sum || !self.needed.contains_key(&id) {
-                continue;
+        let mut absorbed = HashSet::new();
+        for id in self.nodes.iter().filter(|id| self.needed.contains_key(id)) {
+            let node = self.arena.node(*id);
+            match node.op {
+                Op::Apply(Operator::Mul) => {
+                    absorbed.extend(self.inverse_factor(node.args()).map(|(_, inverse)| inverse))
+                }
+                Op::Apply(Operator::Add | Operator::Sub) => {
+                    absorbed.extend(node.args().iter().filter(|term| self.is_fusible(**term)));
+                }
+                _ => {}
             }
-            let fusible =
-                |p: &&NodeId| self.arena.node(**p).op == Op::Apply(Operator::Mul) && self.uses.get(p) == Some(&1);
-            self.absorbed.extend(node.args().iter().filter(fusible));
         }
+        self.absorbed = absorbed;
+    }
+
+    /// Whether a term of a sum is a product that nothing else reads.
+    fn is_fusible(&self, term: NodeId) -> bool {
+        let node = self.arena.node(term);
+        let is_once = node.op == Op::Apply(Operator::Mul) && self.uses.get(&term) == Some(&1);
+        is_once && self.inverse_factor(node.args()).is_none()
+    }
+
+    /// A constant number and the quotient of 1 that it is multiplied by, where nothing else reads that.
+    fn inverse_factor(&self, factors: &[NodeId]) -> Option<(NodeId, NodeId)> {
+        let is_constant = |id: NodeId| matches!(self.arena.node(id).op, Op::Const(_));
+        let is_inverse = |id: NodeId| {
+            let node = self.arena.node(id);
+            let is_quotient =
+                node.op == Op::Apply(Operator::Div) && node.ty.width == 1 && self.uses.get(&id) == Some(&1);
+            is_quotient && self.arena.node(node.args()[0]).constant().is_some_and(|c| c[0] == 1.0)
+        };
+        let orders = [(factors[0], factors[1]), (factors[1], factors[0])];
+        orders.into_iter().find(|&(factor, quotient)| is_constant(factor) && is_inverse(quotient))
     }
 
     /// The register of a component of a sum whose other term is 0 there.
@@ -209,6 +233,11 @@ impl<'a> Lowering<'a> {
 
     /// The instruction and arguments that compute a node, with absorbed products taken in.
     fn fuse_products(&self, operator: Operator, args: &[NodeId]) -> (Code, Vec<NodeId>) {
+        if operator == Operator::Mul
+            && let Some((factor, quotient)) = self.inverse_factor(args)
+        {
+            return (Code::Apply(Operator::Div), vec![factor, self.arena.node(quotient).args()[1]]);
+        }
         if !matches!(operator, Operator::Add | Operator::Sub) {
             return (Code::Apply(operator), args.to_vec());
         }
