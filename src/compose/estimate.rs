@@ -24,6 +24,9 @@ struct End<'g> {
     sizes: Vec<Expr<'g>>,
 }
 
+/// Escape radius up to which an iteration that grows by a factor leaves lengths that can be squared: the factor may be 10^10.
+const SHORT: f64 = 1e9;
+
 impl<'a> OrbitBuilder<'a> {
     /// Fills `function`, which takes the state and frozen values; `n` is the number of iterations done.
     pub(super) fn finish(
@@ -116,10 +119,10 @@ impl<'a> OrbitBuilder<'a> {
         });
         let shifted = shifted.collect::<ComposeResult<Vec<_>>>()?;
         let sizes = shifted.iter().map(|z| self.size(*z, n)).collect::<ComposeResult<Vec<_>>>()?;
-        let size = if self.tells_of_escaped() {
-            long_length(moved.z, self.settings.escape_radius)
-        } else {
-            self.size(moved.z, n)?
+        let size = match self.tells_of_escaped() {
+            true if self.stays_short() => moved.z.length(),
+            true => long_length(moved.z, self.settings.escape_radius),
+            false => self.size(moved.z, n)?,
         };
         Ok(End { z: moved.z, size, dr: moved.dr, rows, along, shifted, sizes })
     }
@@ -130,6 +133,11 @@ impl<'a> OrbitBuilder<'a> {
             matches!(self.choice.form, DeForm::Linear | DeForm::Logarithmic) && self.settings.post.is_empty();
         let is_distance = matches!(self.purpose, Purpose::Estimate | Purpose::March | Purpose::Decision);
         is_length && is_distance && self.settings.shape.is_none() && self.settings.escape_radius < NO_ESCAPE
+    }
+
+    /// True where the squares of an escaped orbit are within single precision's range: one iteration only grows by a factor.
+    fn stays_short(&self) -> bool {
+        self.choice.form == DeForm::Linear && self.settings.escape_radius <= SHORT
     }
 
     /// The size of an end point in the sense of the form.

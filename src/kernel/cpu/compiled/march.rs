@@ -75,7 +75,7 @@ impl Compiled {
         let mut busy = 0;
         frame.numbers(self.columns.first)[STATUS * lanes..][..lanes].fill(T::from_f64(Status::Miss.code()));
         // With fewer lanes running than this, finished rays make room for others.
-        let enough = (lanes * 15 / 16) as u32;
+        let enough = (lanes * 4 / 5) as u32;
         loop {
             let numbers = frame.numbers(self.columns.first);
             for (lane, held) in held.iter_mut().enumerate() {
