@@ -421,8 +421,17 @@ impl<'a> Real for Traced<'a> {
         self.compare(Comparison::Equal, other)
     }
 
+    /// A choice within a choice that has the same other value is one, of both masks.
     fn select(mask: TracedMask<'a>, a: Self, b: Self) -> Self {
-        a.recorder.number(Operation::Select(mask.value, a.value, b.value))
+        let recorder = a.recorder;
+        let (both, value) = match recorder.operation(a.value) {
+            Operation::Select(inner, value, other) if other == b.value => (recorder.both(mask.value, inner), value),
+            Operation::Select(inner, other, value) if other == b.value => {
+                (recorder.both(mask.value, recorder.value(recorder.inverse(inner))), value)
+            }
+            _ => return recorder.number(Operation::Select(mask.value, a.value, b.value)),
+        };
+        recorder.number(Operation::Select(recorder.value(both), value, b.value))
     }
 
     fn mask_and(a: TracedMask<'a>, b: TracedMask<'a>) -> TracedMask<'a> {
