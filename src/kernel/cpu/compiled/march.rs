@@ -39,31 +39,30 @@ impl Compiled {
         let enough = lanes / 2 + 1;
         let mut left = Vec::with_capacity(len);
         let inputs: Vec<&[[[T; LANES]; K]]> = inputs.iter().map(|column| column.as_chunks().0.as_chunks().0).collect();
+        // Loops, not closures: what is called with one is not made for AVX2, and calls it for every number.
         for at in 0..len / lanes {
             let first = at * lanes;
-            let states = &outputs[STATUS - RAY][first..][..lanes];
-            let running = states.iter().filter(|status| **status == T::default()).count();
-            if running < enough {
-                let numbers = (first..).zip(states).filter(|(_, status)| **status == T::default());
-                left.extend(numbers.map(|(ray, _)| ray as u32));
-                continue;
+            let mut running = 0;
+            for status in &outputs[STATUS - RAY][first..][..lanes] {
+                running += usize::from(*status == T::default());
             }
-            let columns = frame.columns::<K>(self.columns.first);
-            columns.iter_mut().zip(&inputs).for_each(|(column, input)| *column = input[at]);
-            for (column, output) in columns[RAY..].iter_mut().zip(&*outputs) {
-                *column = output.as_chunks().0.as_chunks().0[at];
+            if running >= enough {
+                let columns = frame.columns::<K>(self.columns.first);
+                for (column, input) in columns.iter_mut().zip(&inputs) {
+                    *column = input[at];
+                }
+                for (column, output) in columns[RAY..].iter_mut().zip(&*outputs) {
+                    *column = output.as_chunks().0.as_chunks().0[at];
+                }
+                self.call(frame, enough as u32);
+                let columns = frame.columns::<K>(self.columns.first);
+                for (column, output) in columns[RAY..].iter().zip(&mut *outputs) {
+                    output.as_chunks_mut().0.as_chunks_mut().0[at] = *column;
+                }
             }
-            self.call(frame, enough as u32);
-            let columns = frame.columns::<K>(self.columns.first);
-            for (column, output) in columns[RAY..].iter().zip(&mut *outputs) {
-                output.as_chunks_mut().0.as_chunks_mut().0[at] = *column;
-            }
-            let states = columns[STATUS].as_flattened().iter().zip(columns[STEPS].as_flattened());
-            let states = (first..).zip(states).filter(|(_, (status, steps))| is_running(limit, **status, **steps));
-            left.extend(states.map(|(ray, _)| ray as u32));
+            push_running(&mut left, limit, first, outputs, lanes);
         }
-        let rest = (len / lanes * lanes..len).filter(|&ray| outputs[STATUS - RAY][ray] == T::default());
-        left.extend(rest.map(|ray| ray as u32));
+        push_running(&mut left, limit, len / lanes * lanes, outputs, len % lanes);
         left
     }
 
@@ -72,28 +71,43 @@ impl Compiled {
     fn march_left<T: Element, const LANES: usize>(&self, frame: &mut Frame<T, LANES>, limit: T, mut rays: Rays<T>) {
         let lanes = frame.lanes();
         let mut held: Vec<Option<u32>> = vec![None; lanes];
+        let (mut done, mut new) = (Vec::with_capacity(lanes), Vec::with_capacity(lanes));
         let mut busy = 0;
         frame.numbers(self.columns.first)[STATUS * lanes..][..lanes].fill(T::from_f64(Status::Miss.code()));
         // With fewer lanes running than this, finished rays make room for others.
         let enough = (lanes * 4 / 5) as u32;
         loop {
             let numbers = frame.numbers(self.columns.first);
+            (done.clear(), new.clear());
             for (lane, held) in held.iter_mut().enumerate() {
                 if is_running(limit, numbers[STATUS * lanes + lane], numbers[STEPS * lanes + lane]) {
                     continue;
                 }
-                let places = &mut numbers[lane..];
-                if let Some(ray) = held.take() {
-                    rays.put(ray, places, lanes);
-                    busy -= 1;
+                if let Some(ray) = *held {
+                    done.push((lane, ray as usize));
                 }
-                *held = rays.take(places, lanes);
-                busy += u32::from(held.is_some());
+                *held = rays.waiting.next();
+                if let Some(ray) = *held {
+                    new.push((lane, ray as usize));
+                }
             }
+            rays.put(&done, numbers, lanes);
+            rays.take(&new, numbers, lanes);
+            busy = busy + new.len() - done.len();
             if busy == 0 {
                 break;
             }
             self.call(frame, if rays.waiting.len() == 0 { 1 } else { enough });
+        }
+    }
+}
+
+/// Adds the numbers of the rays that are not done, of so many from the first on.
+fn push_running<T: Element>(left: &mut Vec<u32>, limit: T, first: usize, outputs: &[&mut [T]], count: usize) {
+    let column = |number: usize| &outputs[number - RAY][first..][..count];
+    for (i, (status, steps)) in column(STATUS).iter().zip(column(STEPS)).enumerate() {
+        if is_running(limit, *status, *steps) {
+            left.push((first + i) as u32);
         }
     }
 }
@@ -120,22 +134,22 @@ impl<'a, T: Element> Rays<'a, T> {
         }
     }
 
-    /// Writes down how far a ray came in a lane; `places` has its numbers every so many as there are `lanes`.
-    fn put(&mut self, ray: u32, places: &[T], lanes: usize) {
-        for (i, column) in self.outputs.iter_mut().enumerate() {
-            column[ray as usize] = places[(RAY + i) * lanes];
+    /// Writes down how far rays came, each in its lane; `numbers` are the columns of all lanes.
+    fn put(&mut self, places: &[(usize, usize)], numbers: &[T], lanes: usize) {
+        for (column, numbers) in self.outputs.iter_mut().zip(numbers[RAY * lanes..].chunks_exact(lanes)) {
+            for &(lane, ray) in places {
+                column[ray] = numbers[lane];
+            }
         }
     }
 
-    /// Puts the next ray into a lane; nothing where none waits.
-    fn take(&mut self, places: &mut [T], lanes: usize) -> Option<u32> {
-        let ray = self.waiting.next()?;
-        for (i, column) in self.inputs.iter().enumerate() {
-            places[i * lanes] = column[ray as usize];
+    /// Puts rays into lanes.
+    fn take(&self, places: &[(usize, usize)], numbers: &mut [T], lanes: usize) {
+        let columns = self.inputs.iter().copied().chain(self.outputs.iter().map(|column| &**column));
+        for (column, numbers) in columns.zip(numbers.chunks_exact_mut(lanes)) {
+            for &(lane, ray) in places {
+                numbers[lane] = column[ray];
+            }
         }
-        for (i, column) in self.outputs.iter().enumerate() {
-            places[(RAY + i) * lanes] = column[ray as usize];
-        }
-        Some(ray)
     }
 }
