@@ -70,7 +70,7 @@ pub(super) struct Sample {
     pub start: f64,
 }
 
-/// Pixels, and how far nothing is for any ray through each.
+/// Pixels, and how far nothing is for any ray through each; those without anything have none of that.
 struct Pixels {
     places: Vec<(u32, u32)>,
     starts: Vec<f64>,
@@ -84,9 +84,14 @@ impl Pixels {
     /// Takes a pixel, where something may be into the first of two and without anything into the second.
     #[inline]
     fn sort_into(cut: &mut [Pixels; 2], place: (u32, u32), start: f64) {
-        let pixels = &mut cut[usize::from(start >= NOTHING)];
-        pixels.places.push(place);
-        pixels.starts.push(start);
+        let [some, empty] = cut;
+        match start >= NOTHING {
+            true => empty.places.push(place),
+            false => {
+                some.places.push(place);
+                some.starts.push(start);
+            }
+        }
     }
 
     /// The pixels of a tile, cut into those where something may be and those without anything.
@@ -112,9 +117,8 @@ impl Pixels {
             }
         }
         // What has none yet.
-        let [some, empty] = &mut cut;
+        let [some, _] = &mut cut;
         some.starts.resize(some.places.len(), 0.0);
-        empty.starts.resize(empty.places.len(), NOTHING);
         cut
     }
 
@@ -122,19 +126,17 @@ impl Pixels {
     /// together.
     fn columns(&self, offsets: &[[f64; 2]]) -> [Vec<f64>; 3] {
         let points = self.places.len() * offsets.len();
-        let [mut x, mut y, mut starts] = [0, 1, 2].map(|_| Vec::with_capacity(points));
+        let [mut x, mut y] = [0, 1].map(|_| Vec::with_capacity(points));
         if let [only] = offsets {
             x.extend(self.places.iter().map(|place| f64::from(place.0) + only[0]));
             y.extend(self.places.iter().map(|place| f64::from(place.1) + only[1]));
-            starts.extend(&self.starts);
-            return [x, y, starts];
+            return [x, y, self.starts.clone()];
         }
-        for (place, &start) in self.places.iter().zip(&self.starts) {
+        for place in &self.places {
             x.extend(offsets.iter().map(|offset| f64::from(place.0) + offset[0]));
             y.extend(offsets.iter().map(|offset| f64::from(place.1) + offset[1]));
-            starts.extend(offsets.iter().map(|_| start));
         }
-        [x, y, starts]
+        [x, y, self.starts.iter().flat_map(|&start| std::iter::repeat_n(start, offsets.len())).collect()]
     }
 }
 
@@ -247,9 +249,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let (srgb, linear) = colours.split_at(parts.len());
         for (k, part) in parts.iter().enumerate() {
             let (status, linear, pixels) = (&status[k], linear.get(k), &part.pixels);
-            for ((i, srgb), (&place, &start)) in
-                bytes(&srgb[k]).enumerate().zip(pixels.places.iter().zip(&pixels.starts))
-            {
+            for ((i, srgb), &place) in bytes(&srgb[k]).enumerate().zip(&pixels.places) {
+                let start = pixels.starts.get(i).copied().unwrap_or(NOTHING);
                 let linear = linear.map_or([0.0; 3], |linear| [0, 1, 2].map(|k| linear[k][i] as f32));
                 let hit = status.get(i).is_some_and(|&code| Status::from_code(code) == Status::Hit);
                 take(place, Sample { linear, srgb, hit, start });
@@ -382,8 +383,10 @@ impl<'b, B: Backend> Renderer<'b, B> {
 
 /// The bytes of colours as [`compose_encode`](crate::shade::compose_encode) gives them.
 fn bytes(srgb: &[Vec<f64>]) -> impl Iterator<Item = [u8; 3]> + '_ {
+    // Numbers from here on are whole: the last bits of a sum are those of the whole number that was added.
+    const WHOLE: f64 = (1_u64 << 52) as f64;
     srgb[0].iter().map(|&all| {
-        let [blue, green, red, _] = (all as u32).to_le_bytes();
+        let [blue, green, red, ..] = (all + WHOLE).to_bits().to_le_bytes();
         [red, green, blue]
     })
 }
