@@ -98,6 +98,16 @@ impl<T> Window<'_, T> {
     pub fn set(&mut self, (x, y): (u32, u32), value: T) {
         self.rows[(y - self.tile.y) as usize][(x - self.tile.x) as usize] = value;
     }
+
+    /// Sets pixels by their places in the picture: fast where many in a row are neighbours in it.
+    pub fn set_all(&mut self, places: &[(u32, u32)], values: impl IntoIterator<Item = T>) {
+        let mut values = values.into_iter();
+        for run in places.chunk_by(|a, b| b.1 == a.1 && b.0 == a.0 + 1) {
+            let (x, y) = run[0];
+            let row = &mut self.rows[(y - self.tile.y) as usize][(x - self.tile.x) as usize..][..run.len()];
+            row.iter_mut().zip(&mut values).for_each(|(pixel, value)| *pixel = value);
+        }
+    }
 }
 
 /// An 8-bit sRGB picture.

@@ -79,7 +79,7 @@ impl<B: Backend> Renderer<'_, B> {
         let mut rgb = vec![[0; 3]; band.count()];
         let tiles = windows(band, &mut rgb, self.cut.tile);
         self.in_parts(tiles, meter, stats, |mut pixels, part| {
-            self.first_samples(pixels.tile, part, |place, sample| pixels.set(place, sample.srgb))?;
+            self.first_samples(&mut pixels, part, |sample| sample.srgb)?;
             meter.advance(pixels.tile.count());
             Ok(())
         })?;
@@ -92,7 +92,7 @@ impl<B: Backend> Renderer<'_, B> {
         // Whether a pixel of the last row is refined hangs on the row below it.
         let (rows, samples) = seen.extend((end + 1).min(self.size.height));
         self.in_parts(windows(rows, samples, self.cut.tile), meter, stats, |mut pixels, part| {
-            self.first_samples(pixels.tile, part, |place, sample| pixels.set(place, sample))?;
+            self.first_samples(&mut pixels, part, |sample| sample)?;
             meter.advance(pixels.tile.count());
             Ok(())
         })?;

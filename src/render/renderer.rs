@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use super::beams::{Beams, NOTHING, Starts};
 use super::stats::column;
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
-use crate::film::Tile;
+use crate::film::{Tile, Window};
 use crate::kernel::{Backend, BackendError, Batch, Status, Wanted};
 use crate::shade::Size;
 
@@ -231,13 +231,14 @@ impl<'b, B: Backend> Renderer<'b, B> {
         Ok(columns[0].iter().zip(&columns[1]).map(depth).collect())
     }
 
-    /// Takes the first sample of each pixel of a tile.
-    pub(super) fn first_samples(
+    /// Takes the first sample of each pixel of a window, and sets what `of` makes of it.
+    pub(super) fn first_samples<T>(
         &self,
-        tile: Tile,
+        window: &mut Window<T>,
         stats: &mut Stats,
-        mut take: impl FnMut((u32, u32), Sample),
+        of: impl Fn(Sample) -> T,
     ) -> Result<(), BackendError> {
+        let tile = window.tile;
         let starts = self.starts(tile, stats)?;
         let parts = self.sample(Pixels::of_tile(tile, &starts), &self.samples[..1], stats)?;
         let encode = |part: &Part<_>| self.backend.run(&self.encode, &[&part.colours]);
@@ -249,12 +250,13 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let (srgb, linear) = colours.split_at(parts.len());
         for (k, part) in parts.iter().enumerate() {
             let (status, linear, pixels) = (&status[k], linear.get(k), &part.pixels);
-            for ((i, srgb), &place) in bytes(&srgb[k]).enumerate().zip(&pixels.places) {
+            let samples = bytes(&srgb[k]).enumerate().map(|(i, srgb)| {
                 let start = pixels.starts.get(i).copied().unwrap_or(NOTHING);
                 let linear = linear.map_or([0.0; 3], |linear| [0, 1, 2].map(|k| linear[k][i] as f32));
                 let hit = status.get(i).is_some_and(|&code| Status::from_code(code) == Status::Hit);
-                take(place, Sample { linear, srgb, hit, start });
-            }
+                of(Sample { linear, srgb, hit, start })
+            });
+            window.set_all(&pixels.places, samples);
         }
         Ok(())
     }
