@@ -380,18 +380,52 @@ fn complex_numbers_meet_before_they_meet_vectors() {
 fn pictures_are_encoded_as_srgb_says() {
     let arena = Arena::default();
     let kernel = Kernel::Map(bulbfold::shade::compose_encode(&arena));
-    let linear: Vec<f64> =
+    let red: Vec<f64> =
         (-10..=2100).map(|i| f64::from(i) / 2000.0).chain([f64::NAN, 1e-7, 0.0031308, 0.00314]).collect();
-    let columns = [linear.clone(), linear.clone(), linear.clone()];
+    let green: Vec<f64> = red.iter().rev().copied().collect();
+    let blue = vec![0.25; red.len()];
+    let byte = |x: f64| {
+        let x = x.clamp(0.0, 1.0);
+        255.0 * if x <= 0.0031308 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+    };
+    let columns = [red, green, blue];
     for target in Backends::cpu_only().targets() {
         let encoded = Backends::cpu_only().run(target, &arena, &kernel, &columns).unwrap();
-        for (&x, &srgb) in linear.iter().zip(&encoded[0]).filter(|(x, _)| !x.is_nan()) {
-            let x = x.clamp(0.0, 1.0);
-            let wanted = if x <= 0.0031308 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-            assert!((srgb - wanted).abs() < 4e-6, "{target:?}: {x} became {srgb} and not {wanted}");
+        for (i, &all) in encoded[0].iter().enumerate() {
+            let bytes = [(all / 65536.0).floor(), (all / 256.0).floor() % 256.0, all % 256.0];
+            for (column, found) in columns.iter().zip(bytes) {
+                let wanted = if column[i].is_nan() { 0.0 } else { byte(column[i]) };
+                assert!((found - wanted).abs() < 0.501, "{target:?}: {} became {found} and not {wanted}", column[i]);
+            }
         }
-        assert_eq!(encoded[0].last(), encoded[2].last(), "all components alike");
     }
+}
+
+#[test]
+fn a_constant_over_a_number_is_one_quotient() {
+    let run = |with_inverse: bool| {
+        let arena = Arena::default();
+        let mut function = Function::new("quotient", vec![Port::new("x", Type::F)]);
+        let x = arena.input(0, Type::F);
+        let inverse = arena.f(1.0) / x;
+        function.output("of_three", inverse * 3.0);
+        function.output("in_a_sum", inverse * 3.0 + x);
+        if with_inverse {
+            function.output("inverse", inverse);
+        }
+        let kernel = Kernel::Map(function);
+        let cpu = Cpu::new(Precision::F64);
+        let columns = cpu.upload(&[vec![7.0, -0.3]]).expect("columns fit");
+        let prepared = cpu.prepare(&arena, &kernel).expect("the CPU takes every kernel");
+        let results = cpu.run(&prepared, &[&columns]).expect("the CPU runs every kernel");
+        (Work::of(&arena, &kernel).total(1.0, 1.0), cpu.download(&results).expect("the CPU holds every column"))
+    };
+    // A quotient and a sum; the inverse itself costs a product more.
+    let (operations, results) = run(false);
+    assert_eq!((operations, &results[0]), (2.0, &vec![3.0 / 7.0, 3.0 / -0.3]));
+    assert_eq!(results[1], vec![3.0 / 7.0 + 7.0, 3.0 / -0.3 - 0.3]);
+    let (operations, results) = run(true);
+    assert_eq!((operations, &results[2]), (3.0, &vec![1.0 / 7.0, 1.0 / -0.3]));
 }
 
 #[test]

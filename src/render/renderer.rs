@@ -140,6 +140,8 @@ impl Pixels {
     }
 }
 
+/// Columns of colours, linear or encoded.
+type Colours = Vec<Vec<f64>>;
 /// The columns of linear colours: red, green and blue.
 const LINEAR: &[usize] = &[0, 1, 2];
 /// The column of encoded colours.
@@ -361,7 +363,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         parts: &[Part<B::Columns>],
         wanted: Vec<Wanted<B::Columns>>,
         stats: &mut Stats,
-    ) -> Result<(Vec<Vec<f64>>, Vec<Vec<Vec<f64>>>), BackendError> {
+    ) -> Result<(Vec<Vec<f64>>, Vec<Colours>), BackendError> {
         let (counted, steps, colours) = (stats.counted(), [column("steps")], wanted.len());
         let mut wanted = wanted;
         for (hits, shadows) in parts.iter().filter_map(|part| part.marches.as_ref()) {

@@ -78,7 +78,8 @@ impl Compiled {
         let enough = (lanes * 4 / 5) as u32;
         loop {
             let numbers = frame.numbers(self.columns.first);
-            (done.clear(), new.clear());
+            done.clear();
+            new.clear();
             for (lane, held) in held.iter_mut().enumerate() {
                 if is_running(limit, numbers[STATUS * lanes + lane], numbers[STEPS * lanes + lane]) {
                     continue;
