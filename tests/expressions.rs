@@ -420,12 +420,12 @@ fn a_constant_over_a_number_is_one_quotient() {
         let results = cpu.run(&prepared, &[&columns]).expect("the CPU runs every kernel");
         (Work::of(&arena, &kernel).total(1.0, 1.0), cpu.download(&results).expect("the CPU holds every column"))
     };
-    // A quotient and a sum; the inverse itself costs a product more.
+    // A quotient, which counts as three products, and a sum; with the inverse itself a product more.
     let (operations, results) = run(false);
-    assert_eq!((operations, &results[0]), (2.0, &vec![3.0 / 7.0, 3.0 / -0.3]));
+    assert_eq!((operations, &results[0]), (4.0, &vec![3.0 / 7.0, 3.0 / -0.3]));
     assert_eq!(results[1], vec![3.0 / 7.0 + 7.0, 3.0 / -0.3 - 0.3]);
     let (operations, results) = run(true);
-    assert_eq!((operations, &results[2]), (3.0, &vec![1.0 / 7.0, 1.0 / -0.3]));
+    assert_eq!((operations, &results[2]), (5.0, &vec![1.0 / 7.0, 1.0 / -0.3]));
 }
 
 #[test]
