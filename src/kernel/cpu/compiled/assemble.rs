@@ -115,7 +115,7 @@ impl Assembler {
         self.set.vector(number)
     }
 
-    fn slot(&self, number: u16) -> MemoryOperand {
+    pub(super) fn slot(&self, number: u16) -> MemoryOperand {
         MemoryOperand::with_base_displ(FRAME, i64::from(number) * self.set.bytes() as i64)
     }
 
@@ -319,50 +319,6 @@ impl Assembler {
         instruction.set_op_mask(mask(condition));
         instruction.set_zeroing_masking(true);
         self.push(instruction);
-    }
-
-    pub(super) fn mask_and(&mut self, dst: u8, a: u8, b: u8) {
-        self.masks(VEX_Kandw_kr_kr_kr, Form::And, dst, a, b);
-    }
-
-    /// Lanes of `a` that are none of `b`.
-    pub(super) fn mask_and_not(&mut self, dst: u8, a: u8, b: u8) {
-        self.masks(VEX_Kandnw_kr_kr_kr, Form::AndNot, dst, b, a);
-    }
-
-    pub(super) fn mask_or(&mut self, dst: u8, a: u8, b: u8) {
-        self.masks(VEX_Korw_kr_kr_kr, Form::Or, dst, a, b);
-    }
-
-    fn masks(&mut self, of_masks: Code, of_vectors: Form, dst: u8, a: u8, b: u8) {
-        let instruction = match self.set.has_masks() {
-            true => Instruction::with3(of_masks, mask(dst), mask(a), mask(b)).expect(VALID),
-            false => self.three(of_vectors, dst, a, Source::Register(b)),
-        };
-        self.push(instruction);
-    }
-
-    pub(super) fn mask_not(&mut self, dst: u8, a: u8) {
-        if !self.set.has_masks() {
-            let all = Source::Constant(self.constant(u64::MAX));
-            let instruction = self.three(Form::Xor, dst, a, all);
-            return self.push(instruction);
-        }
-        let code = match self.precision {
-            Precision::F32 => VEX_Knotw_kr_kr,
-            Precision::F64 => VEX_Knotb_kr_kr,
-        };
-        self.push(Instruction::with2(code, mask(dst), mask(a)).expect(VALID));
-    }
-
-    pub(super) fn mask_load(&mut self, dst: u8, from: u16) {
-        let from = self.slot(from);
-        self.push(Instruction::with2(VEX_Kmovw_kr_km16, mask(dst), from).expect(VALID));
-    }
-
-    pub(super) fn mask_store(&mut self, to: u16, a: u8) {
-        let to = self.slot(to);
-        self.push(Instruction::with2(VEX_Kmovw_m16_kr, to, mask(a)).expect(VALID));
     }
 
     /// Calls a function with the address of a slot. Upper halves in use would make code for doubles several times as slow.

@@ -16,6 +16,7 @@ mod instructions;
 mod kernels;
 mod kit;
 mod march;
+mod masks;
 mod segment;
 mod trace;
 

@@ -94,10 +94,8 @@ fn store_all(values: &[Traced], places: &[Place]) -> Outputs {
 trait Around {
     /// The point to estimate at, and the lanes where that is wanted.
     fn begin<'a>(&self, recorder: &'a Recorder) -> (Numbers<'a>, TracedMask<'a>);
-    /// Whether the end needs the number of iterations and the lanes where an estimate was wanted.
+    /// Whether the end needs the number of iterations and the lanes where an estimate was wanted; it takes nothing of others then.
     fn counts(&self) -> bool;
-    /// Whether the end reads no results of lanes where none was wanted.
-    fn ignores_idle(&self) -> bool;
     /// What becomes of the estimator's outputs and the number of iterations.
     fn end<'a>(
         &self,
@@ -122,10 +120,6 @@ impl Around for AroundEstimate {
     }
 
     fn counts(&self) -> bool {
-        false
-    }
-
-    fn ignores_idle(&self) -> bool {
         false
     }
 
@@ -156,10 +150,6 @@ impl Around for AroundMarch<'_> {
     }
 
     fn counts(&self) -> bool {
-        true
-    }
-
-    fn ignores_idle(&self) -> bool {
         true
     }
 
@@ -291,7 +281,7 @@ impl Builder {
             let reads_n = orbit.reads_n() || tapes.combine.tapes[0].read.contains(&(next as u16 - 1));
             let places = self.place(orbit, reads_n || around.counts());
             self.begin(orbit, &places, around, &start, number == 0);
-            self.iterate(orbit, &places, around.ignores_idle());
+            self.iterate(orbit, &places, around.counts());
             if number + 1 == tapes.orbits.len() {
                 last = Some((orbit, places));
                 break;
