@@ -16,6 +16,8 @@ pub(super) struct Rays<T> {
 
 /// Columns of [`Rays`]: ray, state, then counters.
 pub(super) const RAY: usize = 8;
+/// The column of near ends; that of far ends is the next.
+pub(super) const NEAR: usize = RAY - 2;
 pub(super) const STATE: usize = 6;
 pub(super) const STATUS: usize = RAY + STATE - 1;
 pub(super) const STEPS: usize = RAY + STATE;
@@ -116,8 +118,8 @@ pub(super) fn march_pack<R: Machine + Pack, const K: usize>(
 
 /// Puts rays at their near end: state and counters, column by column. -1 marks what no estimate has said yet. A ray whose
 /// range is empty has missed before it starts.
-pub(super) fn start<T: Copy + PartialOrd>(inputs: &[&[T]], columns: &mut [&mut [T]], scalar: impl Fn(f64) -> T) {
-    let (near, far) = (inputs[RAY - 2], inputs[RAY - 1]);
+#[inline(always)]
+pub(super) fn start<T: Copy + PartialOrd>([near, far]: [&[T]; 2], columns: &mut [&mut [T]], scalar: impl Fn(f64) -> T) {
     let [zero, unknown, miss] = [0.0, -1.0, Status::Miss.code()].map(scalar);
     let (state, counters) = columns.split_at_mut(STATE);
     let [t, t_front, others @ .., status] = state else { unreachable!("a march's state has these columns") };
@@ -137,7 +139,7 @@ impl<T: Copy + PartialOrd + Into<f64>> Rays<T> {
         let mut columns: Vec<Vec<T>> = inputs.iter().map(|column| column.to_vec()).collect();
         columns.resize_with(COLUMNS, || vec![scalar(0.0); len]);
         let mut state: Vec<&mut [T]> = columns[RAY..].iter_mut().map(Vec::as_mut_slice).collect();
-        start(inputs, &mut state, scalar);
+        start([inputs[NEAR], inputs[NEAR + 1]], &mut state, scalar);
         Rays { columns, ids: (0..len as u32).collect() }
     }
 

@@ -5,7 +5,7 @@
 
 use super::{Compiled, Element, Frame};
 use crate::kernel::Status;
-use crate::kernel::cpu::march::{COLUMNS, RAY, STATUS, STEPS, start};
+use crate::kernel::cpu::march::{COLUMNS, NEAR, RAY, STATUS, STEPS, start};
 
 impl Compiled {
     /// Marches rays of at most `limit` steps.
@@ -16,7 +16,6 @@ impl Compiled {
         inputs: &[&[T]],
         outputs: &mut [&mut [T]],
     ) {
-        start(inputs, outputs, T::from_f64);
         let limit = T::from_f64(limit);
         // SAFETY: the processor has the instruction set that the code was made for, and all of these have AVX2.
         unsafe {
@@ -25,8 +24,8 @@ impl Compiled {
         }
     }
 
-    /// Marches neighbours together until half of them are done. Gives the numbers of the rays that are not. A vector is copied by
-    /// one instruction, since the code that reads it would wait for parts.
+    /// Starts all rays, and marches neighbours together until half of them are done. Gives the numbers of the rays that are not.
+    /// A vector is copied by one instruction, since the code that reads it would wait for parts.
     #[target_feature(enable = "avx2")]
     fn march_neighbours<T: Element, const LANES: usize, const K: usize>(
         &self,
@@ -38,31 +37,27 @@ impl Compiled {
         let (lanes, len) = (LANES * K, inputs[0].len());
         let enough = lanes / 2 + 1;
         let mut left = Vec::with_capacity(len);
+        let [near, far] = [inputs[NEAR], inputs[NEAR + 1]];
         let inputs: Vec<&[[[T; LANES]; K]]> = inputs.iter().map(|column| column.as_chunks().0.as_chunks().0).collect();
         // Loops, not closures: what is called with one is not made for AVX2, and calls it for every number.
         for at in 0..len / lanes {
-            let first = at * lanes;
-            let mut running = 0;
-            for status in &outputs[STATUS - RAY][first..][..lanes] {
-                running += usize::from(*status == T::default());
+            let columns = frame.columns::<K>(self.columns.first);
+            for (column, input) in columns.iter_mut().zip(&inputs) {
+                *column = input[at];
             }
-            if running >= enough {
-                let columns = frame.columns::<K>(self.columns.first);
-                for (column, input) in columns.iter_mut().zip(&inputs) {
-                    *column = input[at];
-                }
-                for (column, output) in columns[RAY..].iter_mut().zip(&*outputs) {
-                    *column = output.as_chunks().0.as_chunks().0[at];
-                }
+            if start_lanes(columns) >= enough {
                 self.call(frame, enough as u32);
-                let columns = frame.columns::<K>(self.columns.first);
-                for (column, output) in columns[RAY..].iter().zip(&mut *outputs) {
-                    output.as_chunks_mut().0.as_chunks_mut().0[at] = *column;
-                }
             }
-            push_running(&mut left, limit, first, outputs, lanes);
+            let columns = frame.columns::<K>(self.columns.first);
+            for (column, output) in columns[RAY..].iter().zip(&mut *outputs) {
+                output.as_chunks_mut().0.as_chunks_mut().0[at] = *column;
+            }
+            push_running(&mut left, limit, at * lanes, outputs, lanes);
         }
-        push_running(&mut left, limit, len / lanes * lanes, outputs, len % lanes);
+        let rest = len / lanes * lanes;
+        let mut states: Vec<&mut [T]> = outputs.iter_mut().map(|column| &mut column[rest..]).collect();
+        start([near, far].map(|column| &column[rest..]), &mut states, T::from_f64);
+        push_running(&mut left, limit, rest, outputs, len - rest);
         left
     }
 
@@ -101,6 +96,17 @@ impl Compiled {
             self.call(frame, if rays.waiting.len() == 0 { 1 } else { enough });
         }
     }
+}
+
+/// Puts the rays of all lanes at their near ends. Gives how many of them have not missed before they start.
+#[inline(always)]
+fn start_lanes<T: Element, const LANES: usize, const K: usize>(columns: &mut [[[T; LANES]; K]]) -> usize {
+    let (ray, state) = columns.split_at_mut(RAY);
+    let mut state = state.iter_mut().map(|column| column.as_flattened_mut());
+    let mut state: [&mut [T]; COLUMNS - RAY] =
+        std::array::from_fn(|_| state.next().expect("a march has these columns"));
+    start([&ray[NEAR], &ray[NEAR + 1]].map(|column| column.as_flattened()), &mut state, T::from_f64);
+    state[STATUS - RAY].iter().filter(|&&status| status == T::default()).count()
 }
 
 /// Adds the numbers of the rays that are not done, of so many from the first on.
