@@ -83,8 +83,8 @@ fn march(arena: &Arena, pipeline: &Pipeline, size: Size) -> Result<Vec<(f64, [f6
     let (columns, rows) = (GRID.0.min(size.width), GRID.1.min(size.height));
     let place = |i: u32, of: u32, edge: u32| (f64::from(i) + 0.5) / f64::from(of) * f64::from(edge);
     let grid = || (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
-    let x = grid().map(|(i, _)| place(i, columns, size.width)).collect();
-    let y = grid().map(|(_, j)| place(j, rows, size.height)).collect();
+    let x = Vec::from_iter(grid().map(|(i, _)| place(i, columns, size.width)));
+    let y = Vec::from_iter(grid().map(|(_, j)| place(j, rows, size.height)));
     let cpu = Cpu::new(Precision::F64);
     let camera = cpu.prepare(arena, &pipeline.camera_kernel)?;
     let kernel = cpu.prepare(arena, &pipeline.march)?;

@@ -13,7 +13,7 @@ use bulbfold::expr::Arena;
 use bulbfold::film::{Image, PngFile};
 use bulbfold::graph::Camera;
 use bulbfold::kernel::cpu::{Cpu, Precision};
-use bulbfold::kernel::{Backend, BackendError, Batch, Kernel};
+use bulbfold::kernel::{Backend, BackendError, Batch, Kernel, Results, Wanted};
 use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
 use bulbfold::render::{Cut, RenderSettings, Renderer, Sampling, Stats, compose_pipeline};
 use bulbfold::shade::Size;
@@ -152,8 +152,13 @@ impl<B: Backend> Backend for Counting<'_, B> {
         Ok((kernel.0, self.inner.bind(&kernel.1, uniforms)?))
     }
 
-    fn upload(&self, columns: &[Vec<f64>]) -> Result<Self::Columns, BackendError> {
-        Ok((columns[0].len(), self.inner.upload(columns)?))
+    fn upload(&self, columns: &[impl AsRef<[f64]>]) -> Result<Self::Columns, BackendError> {
+        Ok((columns[0].as_ref().len(), self.inner.upload(columns)?))
+    }
+
+    fn read<R>(&self, wanted: &[Wanted<Self::Columns>], take: impl FnOnce(Results) -> R) -> Result<R, BackendError> {
+        let wanted: Vec<Wanted<B::Columns>> = wanted.iter().map(|(columns, numbers)| (&columns.1, *numbers)).collect();
+        self.inner.read(&wanted, take)
     }
 
     fn download(&self, columns: &Self::Columns) -> Result<Vec<Vec<f64>>, BackendError> {

@@ -57,19 +57,40 @@ impl Tile {
     /// All pixels of the tile, in blocks of 8 by 8: neighbours take similar ways, so they are marched together.
     pub fn pixels(&self) -> Vec<(u32, u32)> {
         let mut pixels = Vec::with_capacity(self.count());
-        self.cut(8).iter().flat_map(Tile::rows).for_each(|(row, _)| pixels.extend(row));
+        self.cut(8).iter().flat_map(Tile::rows).for_each(|row| pixels.extend(row.places()));
         pixels
     }
 
-    /// The pixels of each row, and the first of them.
-    pub fn rows(
-        &self,
-    ) -> impl Iterator<Item = (impl ExactSizeIterator<Item = (u32, u32)> + use<>, (u32, u32))> + use<> {
-        let Tile { x: left, y: top, width, height } = *self;
-        (0..height).map(move |row| {
-            let y = top + row;
-            ((0..width).map(move |column| (left + column, y)), (left, y))
-        })
+    /// The rows, from the top.
+    pub fn rows(&self) -> impl Iterator<Item = Row> + use<> {
+        let Tile { x, y, width: len, height } = *self;
+        (y..y + height).map(move |y| Row { x, y, len })
+    }
+}
+
+/// Pixels beside each other.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Row {
+    /// The first one's column.
+    pub x: u32,
+    /// The row that they are in.
+    pub y: u32,
+    /// Pixels.
+    pub len: u32,
+}
+
+impl Row {
+    /// The pixels' places, from the left.
+    pub fn places(&self) -> impl ExactSizeIterator<Item = (u32, u32)> + use<> {
+        let Row { x, y, len } = *self;
+        (0..len).map(move |column| (x + column, y))
+    }
+
+    /// Takes a pixel if it is the next one.
+    pub fn take(&mut self, place: (u32, u32)) -> bool {
+        let is_next = place == (self.x + self.len, self.y);
+        self.len += u32::from(is_next);
+        is_next
     }
 }
 
@@ -99,14 +120,10 @@ impl<T> Window<'_, T> {
         self.rows[(y - self.tile.y) as usize][(x - self.tile.x) as usize] = value;
     }
 
-    /// Sets pixels by their places in the picture: fast where many in a row are neighbours in it.
-    pub fn set_all(&mut self, places: &[(u32, u32)], values: impl IntoIterator<Item = T>) {
-        let mut values = values.into_iter();
-        for run in places.chunk_by(|a, b| b.1 == a.1 && b.0 == a.0 + 1) {
-            let (x, y) = run[0];
-            let row = &mut self.rows[(y - self.tile.y) as usize][(x - self.tile.x) as usize..][..run.len()];
-            row.iter_mut().zip(&mut values).for_each(|(pixel, value)| *pixel = value);
-        }
+    /// Sets pixels that are beside each other.
+    pub fn set_row(&mut self, row: Row, values: impl IntoIterator<Item = T>) {
+        let pixels = &mut self.rows[(row.y - self.tile.y) as usize][(row.x - self.tile.x) as usize..];
+        pixels[..row.len as usize].iter_mut().zip(values).for_each(|(pixel, value)| *pixel = value);
     }
 }
 

@@ -245,6 +245,19 @@ pub struct Compiling {
 /// Columns of a result that are wanted, by number.
 pub type Wanted<'a, C> = (&'a C, &'a [usize]);
 
+/// Columns of results, as they are wanted, in the precision that the back end computes in.
+#[derive(Clone, PartialEq, Debug)]
+pub enum Results<'a> {
+    /// Single precision.
+    F32(Vec<Vec<&'a [f32]>>),
+    /// Double precision.
+    F64(Vec<Vec<&'a [f64]>>),
+}
+
+fn in_f64<T: Copy + Into<f64>>(column: &[T]) -> Vec<f64> {
+    column.iter().map(|&x| x.into()).collect()
+}
+
 /// Something that runs kernels. Columns stay where the back end keeps them until they are downloaded.
 pub trait Backend: Sync {
     /// A kernel made ready to run.
@@ -265,19 +278,18 @@ pub trait Backend: Sync {
         None
     }
     /// Copies columns of equal length in.
-    fn upload(&self, columns: &[Vec<f64>]) -> Result<Self::Columns, BackendError>;
+    fn upload(&self, columns: &[impl AsRef<[f64]>]) -> Result<Self::Columns, BackendError>;
     /// Copies columns out.
     fn download(&self, columns: &Self::Columns) -> Result<Vec<Vec<f64>>, BackendError>;
     /// Copies some of the columns out, by number, in this order.
     fn download_only(&self, columns: &Self::Columns, numbers: &[usize]) -> Result<Vec<Vec<f64>>, BackendError> {
-        let mut all = self.download(columns)?;
-        Ok(numbers.iter().map(|&number| std::mem::take(&mut all[number])).collect())
+        self.read(&[(columns, numbers)], |results| match results {
+            Results::F32(results) => results[0].iter().map(|column| in_f64(column)).collect(),
+            Results::F64(results) => results[0].iter().map(|column| in_f64(column)).collect(),
+        })
     }
-    /// Copies some of the columns of several results out, as [`Backend::download_only`] does each. A back end that has to be
-    /// waited for is waited for once.
-    fn download_together(&self, wanted: &[Wanted<Self::Columns>]) -> Result<Vec<Vec<Vec<f64>>>, BackendError> {
-        wanted.iter().map(|(columns, numbers)| self.download_only(columns, numbers)).collect()
-    }
+    /// Has some of the columns of several results read where they lie. A back end that has to be waited for is waited for once.
+    fn read<R>(&self, wanted: &[Wanted<Self::Columns>], take: impl FnOnce(Results) -> R) -> Result<R, BackendError>;
     /// Runs a kernel on the columns of all inputs, in order. A device may still be at it when this returns.
     fn run(&self, kernel: &Self::Prepared, inputs: &[&Self::Columns]) -> Result<Self::Columns, BackendError>;
     /// Waits until all is done that was asked for: for whoever measures it.

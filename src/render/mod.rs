@@ -8,6 +8,7 @@ mod beams;
 mod meter;
 mod picture;
 mod pipeline;
+mod pixels;
 mod plane;
 mod refine;
 mod renderer;

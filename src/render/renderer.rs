@@ -2,11 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use super::beams::{Beams, NOTHING, Starts};
+use super::beams::{Beams, Starts};
+use super::pixels::Pixels;
 use super::stats::column;
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
 use crate::film::{Tile, Window};
-use crate::kernel::{Backend, BackendError, Batch, Status, Wanted};
+use crate::kernel::{Backend, BackendError, Batch, Results, Status, Wanted};
 use crate::shade::Size;
 
 /// How a picture is cut. Nothing of it shows in the picture.
@@ -70,78 +71,6 @@ pub(super) struct Sample {
     pub start: f64,
 }
 
-/// Pixels, and how far nothing is for any ray through each; those without anything have none of that.
-struct Pixels {
-    places: Vec<(u32, u32)>,
-    starts: Vec<f64>,
-}
-
-impl Pixels {
-    fn with_capacity(most: usize) -> Pixels {
-        Pixels { places: Vec::with_capacity(most), starts: Vec::with_capacity(most) }
-    }
-
-    /// Takes a pixel, where something may be into the first of two and without anything into the second.
-    #[inline]
-    fn sort_into(cut: &mut [Pixels; 2], place: (u32, u32), start: f64) {
-        let [some, empty] = cut;
-        match start >= NOTHING {
-            true => empty.places.push(place),
-            false => {
-                some.places.push(place);
-                some.starts.push(start);
-            }
-        }
-    }
-
-    /// The pixels of a tile, cut into those where something may be and those without anything.
-    fn of_tile(tile: Tile, starts: &Option<Starts>) -> [Pixels; 2] {
-        let mut cut = [0, 1].map(|_| Pixels::with_capacity(tile.count()));
-        for block in tile.cut(8) {
-            let [some, empty] = &mut cut;
-            let Some(starts) = starts else {
-                block.rows().for_each(|(row, _)| some.places.extend(row));
-                continue;
-            };
-            // Most blocks are all of one kind.
-            match starts.are_nothing(block) {
-                Some(true) => block.rows().for_each(|(row, _)| empty.places.extend(row)),
-                Some(false) => block.rows().for_each(|(row, first)| {
-                    some.starts.extend(starts.row(first).take(row.len()));
-                    some.places.extend(row);
-                }),
-                None => {
-                    let pixels = block.rows().flat_map(|(row, first)| row.zip(starts.row(first)));
-                    pixels.for_each(|(place, start)| Pixels::sort_into(&mut cut, place, start));
-                }
-            }
-        }
-        // What has none yet.
-        let [some, _] = &mut cut;
-        some.starts.resize(some.places.len(), 0.0);
-        cut
-    }
-
-    /// Columns of x, y and starts of points at offsets in each pixel; those of a pixel are neighbours, so they are marched
-    /// together.
-    fn columns(&self, offsets: &[[f64; 2]]) -> [Vec<f64>; 3] {
-        let points = self.places.len() * offsets.len();
-        let [mut x, mut y] = [0, 1].map(|_| Vec::with_capacity(points));
-        if let [only] = offsets {
-            x.extend(self.places.iter().map(|place| f64::from(place.0) + only[0]));
-            y.extend(self.places.iter().map(|place| f64::from(place.1) + only[1]));
-            return [x, y, self.starts.clone()];
-        }
-        for place in &self.places {
-            x.extend(offsets.iter().map(|offset| f64::from(place.0) + offset[0]));
-            y.extend(offsets.iter().map(|offset| f64::from(place.1) + offset[1]));
-        }
-        [x, y, self.starts.iter().flat_map(|&start| std::iter::repeat_n(start, offsets.len())).collect()]
-    }
-}
-
-/// Columns of colours, linear or encoded.
-type Colours = Vec<Vec<f64>>;
 /// The columns of linear colours: red, green and blue.
 const LINEAR: &[usize] = &[0, 1, 2];
 /// The column of encoded colours.
@@ -155,6 +84,9 @@ struct Part<C> {
     /// Their marches, and those towards the sun; none where beams found nothing.
     marches: Option<(C, Option<C>)>,
 }
+
+/// Columns of some results, of the numbers that a back end computes with.
+type Read<'a, N> = &'a [Vec<&'a [N]>];
 
 /// Adds the time of some work.
 fn timed<T>(sum: &mut Duration, work: impl FnOnce() -> T) -> T {
@@ -224,8 +156,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let (Some((left, right)), Some((top, bottom))) = (ends(|p| p.0), ends(|p| p.1)) else { return Ok(Vec::new()) };
         let around = Tile { x: left, y: top, width: right + 1 - left, height: bottom + 1 - top };
         let starts = self.starts(around, &mut Stats::default())?;
-        let start = |place: &(u32, u32)| starts.as_ref().map_or(0.0, |starts| starts.at(*place));
-        let pixels = Pixels { starts: pixels.iter().map(start).collect(), places: pixels.to_vec() };
+        let start = |place| starts.as_ref().map_or(0.0, |starts| starts.at(place));
+        let pixels = Pixels::starting(pixels.iter().copied(), start);
         let rays = self.rays(&pixels, &[[0.5; 2]])?;
         let hits = self.backend.run(&self.march, &[&rays])?;
         let columns = self.backend.download_only(&hits, &["t", "status"].map(column))?;
@@ -248,19 +180,38 @@ impl<'b, B: Backend> Renderer<'b, B> {
         // Linear colours are only for sums with others.
         let linear = parts.iter().filter(|_| self.samples.len() > 1).map(|part| &part.colours);
         let wanted = encoded.iter().map(|srgb| (srgb, ENCODED)).chain(linear.map(|linear| (linear, LINEAR)));
-        let (status, colours) = self.results(&parts, wanted.collect(), stats)?;
-        let (srgb, linear) = colours.split_at(parts.len());
-        for (k, part) in parts.iter().enumerate() {
-            let (status, linear, pixels) = (&status[k], linear.get(k), &part.pixels);
-            let samples = bytes(&srgb[k]).enumerate().map(|(i, srgb)| {
-                let start = pixels.starts.get(i).copied().unwrap_or(NOTHING);
-                let linear = linear.map_or([0.0; 3], |linear| [0, 1, 2].map(|k| linear[k][i] as f32));
-                let hit = status.get(i).is_some_and(|&code| Status::from_code(code) == Status::Hit);
-                of(Sample { linear, srgb, hit, start })
-            });
-            window.set_all(&pixels.places, samples);
+        self.read(&parts, wanted.collect(), stats, |results, stats| match results {
+            Results::F32(results) => self.set_samples(&parts, &results, window, stats, of),
+            Results::F64(results) => self.set_samples(&parts, &results, window, stats, of),
+        })
+    }
+
+    /// Sets what `of` makes of first samples.
+    fn set_samples<N: Copy + Into<f64>, T>(
+        &self,
+        parts: &[Part<B::Columns>],
+        results: Read<N>,
+        window: &mut Window<T>,
+        stats: &mut Stats,
+        of: impl Fn(Sample) -> T,
+    ) {
+        let (srgb, others) = results.split_at(parts.len());
+        let (linear, marches) = others.split_at(if self.samples.len() > 1 { parts.len() } else { 0 });
+        let status = count_marches(parts, marches, stats);
+        for (k, Part { pixels, .. }) in parts.iter().enumerate() {
+            let (status, linear) = (status[k], linear.get(k));
+            let mut first = 0;
+            for &row in &pixels.rows {
+                let srgb = &srgb[k][0][first..][..row.len as usize];
+                let samples = (first..).zip(srgb).map(|(i, &srgb)| {
+                    let linear = linear.map_or([0.0; 3], |linear| [0, 1, 2].map(|k| linear[k][i].into() as f32));
+                    let hit = status.get(i).is_some_and(|&code| Status::from_code(code.into()) == Status::Hit);
+                    of(Sample { linear, srgb: bytes(srgb.into()), hit, start: pixels.start(i) })
+                });
+                window.set_row(row, samples);
+                first += row.len as usize;
+            }
         }
-        Ok(())
     }
 
     /// Takes all but the first sample of each pixel and gives the average of all in sRGB; `first` has the first ones.
@@ -271,29 +222,39 @@ impl<'b, B: Backend> Renderer<'b, B> {
         stats: &mut Stats,
         mut take: impl FnMut((u32, u32), [u8; 3]),
     ) -> Result<(), BackendError> {
-        let others = &self.samples[1..];
-        let mut cut = [0, 1].map(|_| Pixels::with_capacity(pixels.len()));
-        pixels.iter().for_each(|&place| Pixels::sort_into(&mut cut, place, first(place).start));
-        let parts = self.sample(cut, others, stats)?;
+        let parts = self.sample(Pixels::sorted(pixels, |place| first(place).start), &self.samples[1..], stats)?;
         let wanted = parts.iter().map(|part| (&part.colours, LINEAR)).collect();
-        let (_, colours) = self.results(&parts, wanted, stats)?;
-        let places: Vec<(u32, u32)> = parts.iter().flat_map(|part| &part.pixels.places).copied().collect();
-        let scale = 1.0 / self.samples.len() as f64;
-        let average = |k: usize| {
-            let sums = colours.iter().flat_map(|colours| colours[k].chunks_exact(others.len()));
-            let mean = |(samples, &place): (&[f64], &(u32, u32))| {
-                (f64::from(first(place).linear[k]) + samples.iter().sum::<f64>()) * scale
-            };
-            sums.zip(&places).map(mean).collect()
-        };
-        let encoded = timed(&mut stats.shade, || {
-            let linear = self.backend.upload(&[average(0), average(1), average(2)])?;
-            self.backend.run(&self.encode, &[&linear])
+        let averages = self.read(&parts, wanted, stats, |results, stats| match results {
+            Results::F32(results) => self.averages(&parts, &results, stats, first),
+            Results::F64(results) => self.averages(&parts, &results, stats, first),
         })?;
+        let encoded = timed(&mut stats.shade, || self.backend.run(&self.encode, &[&self.backend.upload(&averages)?]))?;
         let srgb = timed(&mut stats.results, || self.backend.download(&encoded))?;
         stats.refined += pixels.len() as u64;
-        places.iter().zip(bytes(&srgb)).for_each(|(&place, srgb)| take(place, srgb));
+        let places = parts.iter().flat_map(|part| part.pixels.places());
+        places.zip(&srgb[0]).for_each(|(place, &srgb)| take(place, bytes(srgb)));
         Ok(())
+    }
+
+    /// The averages of all samples of each pixel, linear.
+    fn averages<N: Copy + Into<f64>>(
+        &self,
+        parts: &[Part<B::Columns>],
+        results: Read<N>,
+        stats: &mut Stats,
+        first: impl Fn((u32, u32)) -> Sample,
+    ) -> [Vec<f64>; 3] {
+        let (colours, marches) = results.split_at(parts.len());
+        count_marches(parts, marches, stats);
+        let scale = 1.0 / self.samples.len() as f64;
+        [0, 1, 2].map(|k| {
+            let sums = colours.iter().flat_map(|colours| colours[k].chunks_exact(self.samples.len() - 1));
+            let places = parts.iter().flat_map(|part| part.pixels.places());
+            let mean = |(samples, place): (&[N], (u32, u32))| {
+                (f64::from(first(place).linear[k]) + samples.iter().map(|&x| x.into()).sum::<f64>()) * scale
+            };
+            sums.zip(places).map(mean).collect()
+        })
     }
 
     /// How far nothing is for any ray through each pixel of a tile; `None` without beams.
@@ -307,8 +268,9 @@ impl<'b, B: Backend> Renderer<'b, B> {
 
     /// Rays through points of pixels, from the pixels' starts on where there are beams.
     fn rays(&self, pixels: &Pixels, offsets: &[[f64; 2]]) -> Result<B::Columns, BackendError> {
+        let ([x, y], starts) = (pixels.points(offsets), pixels.starts(offsets.len()));
         let inputs = if self.beams.is_some() { 3 } else { 2 };
-        self.backend.run(&self.camera, &[&self.backend.upload(&pixels.columns(offsets)[..inputs])?])
+        self.backend.run(&self.camera, &[&self.backend.upload(&[&x, &y, &starts[..]][..inputs])?])
     }
 
     /// Has points of pixels computed: of those where something may be, and of those where beams found nothing.
@@ -319,15 +281,15 @@ impl<'b, B: Backend> Renderer<'b, B> {
         stats: &mut Stats,
     ) -> Result<Vec<Part<B::Columns>>, BackendError> {
         let mut parts = Vec::new();
-        if let Some(beams) = self.beams.as_ref().filter(|_| !empty.places.is_empty()) {
-            stats.rays += (empty.places.len() * offsets.len()) as u64;
+        if let Some(beams) = self.beams.as_ref().filter(|_| empty.count > 0) {
+            stats.rays += (empty.count * offsets.len()) as u64;
             let colours = timed(&mut stats.shade, || {
-                let points = self.backend.upload(&empty.columns(offsets)[..2])?;
+                let points = self.backend.upload(&empty.points(offsets))?;
                 self.backend.run(&beams.background, &[&points])
             })?;
             parts.push(Part { pixels: empty, colours, marches: None });
         }
-        if !some.places.is_empty() {
+        if some.count > 0 {
             parts.push(self.marched(some, offsets, stats)?);
         }
         Ok(parts)
@@ -356,43 +318,53 @@ impl<'b, B: Backend> Renderer<'b, B> {
         Ok(Part { pixels, colours, marches: Some((hits, shadows)) })
     }
 
-    /// Waits for what was computed: how the marches of each part ended (nothing for a part without), and the colours that are
-    /// `wanted`. Counts the marches.
-    fn results(
+    /// Waits for what was computed and has it read: the columns that are `wanted`, and then those of the parts' marches.
+    fn read<R>(
         &self,
         parts: &[Part<B::Columns>],
         wanted: Vec<Wanted<B::Columns>>,
         stats: &mut Stats,
-    ) -> Result<(Vec<Vec<f64>>, Vec<Colours>), BackendError> {
-        let (counted, steps, colours) = (stats.counted(), [column("steps")], wanted.len());
+        take: impl FnOnce(Results, &mut Stats) -> R,
+    ) -> Result<R, BackendError> {
+        let (start, counted, steps) = (Instant::now(), stats.counted(), [column("steps")]);
         let mut wanted = wanted;
         for (hits, shadows) in parts.iter().filter_map(|part| part.marches.as_ref()) {
             wanted.push((hits, &counted));
             wanted.extend(shadows.iter().map(|shadows| (shadows, &steps[..])));
         }
-        let mut results = timed(&mut stats.results, || self.backend.download_together(&wanted))?;
-        let mut counts = results.split_off(colours).into_iter();
-        let mut count = |part: &Part<B::Columns>| {
-            let (_, shadows) = part.marches.as_ref()?;
-            let mut hits = counts.next()?;
-            stats.count(&hits);
-            if shadows.is_some() {
-                stats.shadow_estimates += counts.next()?[0].iter().sum::<f64>() as u64;
-            }
-            Some(hits.swap_remove(0))
-        };
-        Ok((parts.iter().map(|part| count(part).unwrap_or_default()).collect(), results))
+        let result = self.backend.read(&wanted, |results| take(results, stats))?;
+        stats.results += start.elapsed();
+        Ok(result)
     }
 }
 
-/// The bytes of colours as [`compose_encode`](crate::shade::compose_encode) gives them.
-fn bytes(srgb: &[Vec<f64>]) -> impl Iterator<Item = [u8; 3]> + '_ {
+/// Counts the marches of parts. Gives how those of each part ended; nothing of a part without.
+fn count_marches<'a, C, N: Copy + Into<f64>>(
+    parts: &[Part<C>],
+    marches: Read<'a, N>,
+    stats: &mut Stats,
+) -> Vec<&'a [N]> {
+    let mut marches = marches.iter();
+    let mut next = || marches.next().expect("every march is read");
+    let mut count = |part: &Part<C>| {
+        let Some((_, shadows)) = &part.marches else { return &[][..] };
+        let hits = next();
+        stats.count(hits);
+        if shadows.is_some() {
+            stats.shadow_estimates += next()[0].iter().map(|&steps| steps.into()).sum::<f64>() as u64;
+        }
+        hits[0]
+    };
+    parts.iter().map(&mut count).collect()
+}
+
+/// The bytes of a colour as [`compose_encode`](crate::shade::compose_encode) gives it.
+#[inline]
+fn bytes(srgb: f64) -> [u8; 3] {
     // Numbers from here on are whole: the last bits of a sum are those of the whole number that was added.
     const WHOLE: f64 = (1_u64 << 52) as f64;
-    srgb[0].iter().map(|&all| {
-        let [blue, green, red, ..] = (all + WHOLE).to_bits().to_le_bytes();
-        [red, green, blue]
-    })
+    let [blue, green, red, ..] = (srgb + WHOLE).to_bits().to_le_bytes();
+    [red, green, blue]
 }
 
 /// Where the samples of a pixel lie in it: on a grid with this many on an edge, the one nearest to the centre first.

@@ -45,7 +45,7 @@ pub struct Stats {
     pub shadow: Duration,
     /// Time in everything else that is computed of rays and colours, summed over threads.
     pub shade: Duration,
-    /// Time in which results were waited for and copied out, summed over threads. A back end that runs kernels while the
+    /// Time in which results were waited for, counted and set, summed over threads. A back end that runs kernels while the
     /// next ones are handed to it is waited for here, and the times above are those of handing over.
     pub results: Duration,
 }
@@ -81,12 +81,13 @@ impl Stats {
     }
 
     /// Counts the marches of primary rays; `hits` are the columns [`Stats::counted`] of a march's output.
-    pub(super) fn count(&mut self, hits: &[Vec<f64>]) {
-        let [status, steps, iterations, nan] = [0, 1, 2, 3].map(|i| &hits[i][..]);
-        self.rays += status.len() as u64;
+    pub(super) fn count<N: Copy + Into<f64>>(&mut self, hits: &[&[N]]) {
+        let column = |number: usize| hits[number].iter().map(|&x| x.into());
+        let [status, steps, iterations, nan] = [0, 1, 2, 3].map(column);
+        self.rays += hits[0].len() as u64;
         let [hit, miss] = [Status::Hit, Status::Miss].map(Status::code);
         let (mut estimates, mut iterated, mut longest) = (0.0, 0.0, 0.0_f64);
-        for ((&code, &steps), (&iterations, &nan)) in status.iter().zip(steps).zip(iterations.iter().zip(nan)) {
+        for ((code, steps), (iterations, nan)) in status.zip(steps).zip(iterations.zip(nan)) {
             self.hits += u64::from(code == hit);
             self.unfinished += u64::from(code != hit && code != miss);
             self.nan += u64::from(nan > 0.0);
@@ -97,10 +98,10 @@ impl Stats {
         self.estimates += estimates as u64;
         self.iterations += iterated as u64;
         self.max_steps = self.max_steps.max(longest as u64);
-        if let (Some(undecided), Some(last)) = (&mut self.undecided, hits.get(4)) {
-            let rays = last.iter().zip(steps).zip(status);
+        if let Some(undecided) = &mut self.undecided {
+            let rays = column(4).zip(column(1)).zip(column(0));
             let is_open =
-                |&((&last, &steps), &code): &((&f64, &f64), &f64)| is_undecided(last, steps, Status::from_code(code));
+                |&((last, steps), code): &((f64, f64), f64)| is_undecided(last, steps, Status::from_code(code));
             *undecided += rays.filter(is_open).count() as u64;
         }
     }

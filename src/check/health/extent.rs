@@ -78,8 +78,9 @@ fn growth_exponent(composer: &Composer, orbit: &FieldOrbit) -> Result<f64, Diagn
     let kernel = cpu.prepare(composer.arena, &Kernel::Map(function)).expect("the CPU takes every kernel");
     let directions = spread(64, 0.3);
     let radius = |scale: f64| -> Vec<f64> {
-        let column = |k: usize| directions.iter().map(|d| d.get(k).copied().unwrap_or(0.4) * scale).collect();
-        let columns = cpu.upload(&(0..width).map(column).collect::<Vec<_>>()).expect("the CPU holds every column");
+        let number = |d: &[f64], k: usize| d.get(k).copied().unwrap_or(0.4) * scale;
+        let column = |k: usize| Vec::from_iter(directions.iter().map(|d| number(d, k)));
+        let columns = cpu.upload(&Vec::from_iter((0..width).map(column))).expect("the CPU holds every column");
         let result = cpu.run(&kernel, &[&columns]).expect("the CPU runs every kernel");
         cpu.download(&result).expect("the CPU holds every column").swap_remove(0)
     };

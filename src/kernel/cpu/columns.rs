@@ -78,10 +78,10 @@ impl<T: Number> Columns<T> {
         Columns { numbers, count, len }
     }
 
-    pub(super) fn from_f64(columns: &[Vec<f64>], convert: impl Fn(f64) -> T) -> Columns<T> {
-        let mut made = Columns::new(columns.len(), columns.first().map_or(0, Vec::len));
+    pub(super) fn from_f64(columns: &[impl AsRef<[f64]>], convert: impl Fn(f64) -> T) -> Columns<T> {
+        let mut made = Columns::new(columns.len(), columns.first().map_or(0, |column| column.as_ref().len()));
         for (to, from) in made.each_mut().zip(columns) {
-            to.iter_mut().zip(from).for_each(|(to, &from)| *to = convert(from));
+            to.iter_mut().zip(from.as_ref()).for_each(|(to, &from)| *to = convert(from));
         }
         made
     }
@@ -113,13 +113,6 @@ impl CpuColumns {
         match self {
             CpuColumns::F32(columns) => columns.count,
             CpuColumns::F64(columns) => columns.count,
-        }
-    }
-
-    pub(super) fn in_f64(&self, number: usize) -> Vec<f64> {
-        match self {
-            CpuColumns::F32(columns) => columns.column(number).iter().map(|&x| f64::from(x)).collect(),
-            CpuColumns::F64(columns) => columns.column(number).to_vec(),
         }
     }
 

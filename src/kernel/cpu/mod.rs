@@ -23,7 +23,7 @@ use self::estimate::{run_estimates, run_map};
 use self::interpret::Machine;
 use self::march::run_march;
 use self::tapes::Program;
-use super::{Backend, BackendError, Batch, Kernel};
+use super::{Backend, BackendError, Batch, Kernel, Results, Wanted};
 use crate::expr::{Arena, Port};
 use crate::math::{Lanes, Pack};
 
@@ -172,7 +172,7 @@ impl Backend for Cpu {
         })
     }
 
-    fn upload(&self, columns: &[Vec<f64>]) -> Result<CpuColumns, BackendError> {
+    fn upload(&self, columns: &[impl AsRef<[f64]>]) -> Result<CpuColumns, BackendError> {
         Ok(match self.precision {
             Precision::F64 => CpuColumns::F64(Columns::from_f64(columns, |x| x)),
             Precision::F32 => CpuColumns::F32(Columns::from_f64(columns, |x| x as f32)),
@@ -180,11 +180,14 @@ impl Backend for Cpu {
     }
 
     fn download(&self, columns: &CpuColumns) -> Result<Vec<Vec<f64>>, BackendError> {
-        Ok((0..columns.count()).map(|number| columns.in_f64(number)).collect())
+        self.download_only(columns, &Vec::from_iter(0..columns.count()))
     }
 
-    fn download_only(&self, columns: &CpuColumns, numbers: &[usize]) -> Result<Vec<Vec<f64>>, BackendError> {
-        Ok(numbers.iter().map(|&number| columns.in_f64(number)).collect())
+    fn read<R>(&self, wanted: &[Wanted<CpuColumns>], take: impl FnOnce(Results) -> R) -> Result<R, BackendError> {
+        Ok(take(match self.precision {
+            Precision::F32 => Results::F32(pick(wanted, CpuColumns::f32s)),
+            Precision::F64 => Results::F64(pick(wanted, CpuColumns::f64s)),
+        }))
     }
 
     fn run(&self, kernel: &CpuKernel, inputs: &[&CpuColumns]) -> Result<CpuColumns, BackendError> {
@@ -212,6 +215,15 @@ impl Backend for Cpu {
             }
         })
     }
+}
+
+/// The columns that are wanted.
+fn pick<'a, T>(wanted: &[Wanted<'a, CpuColumns>], all: impl Fn(&'a CpuColumns) -> Vec<&'a [T]>) -> Vec<Vec<&'a [T]>> {
+    let picked = |&(columns, numbers): &Wanted<'a, CpuColumns>| {
+        let all = all(columns);
+        numbers.iter().map(|&number| all[number]).collect()
+    };
+    wanted.iter().map(picked).collect()
 }
 
 /// Cuts the columns into groups and runs each.

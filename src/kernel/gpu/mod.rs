@@ -19,7 +19,7 @@ use std::time::Duration;
 pub use adapter::{AdapterInfoLine, AdapterWanted, adapters};
 pub use program::GpuKernel;
 
-use super::{Backend, BackendError, Batch, Compiling, Kernel, Wanted};
+use super::{Backend, BackendError, Batch, Compiling, Kernel, Results, Wanted};
 use crate::expr::Arena;
 
 /// How work is cut for hardware: it takes less time than the threads that make its work ready and read its results.
@@ -282,16 +282,16 @@ impl Backend for Gpu {
         Some(self.cache.compiling())
     }
 
-    fn upload(&self, columns: &[Vec<f64>]) -> Result<GpuColumns, BackendError> {
+    fn upload(&self, columns: &[impl AsRef<[f64]>]) -> Result<GpuColumns, BackendError> {
         self.scoped(|| {
-            let result = self.columns(columns.len(), columns.first().map_or(0, Vec::len))?;
+            let result = self.columns(columns.len(), columns.first().map_or(0, |column| column.as_ref().len()))?;
             let Some(size) = std::num::NonZeroU64::new((result.columns * result.len * size_of::<f32>()) as u64) else {
                 return Ok(result);
             };
             let refused = || BackendError::DeviceLost("it takes no data".into());
             let mut view = self.queue.write_buffer_with(&result.buffer, 0, size).ok_or_else(refused)?;
             let (numbers, _) = view.slice(..).into_chunks::<{ size_of::<f32>() }>();
-            numbers.write_iter(columns.iter().flatten().map(|&x| (x as f32).to_ne_bytes()));
+            numbers.write_iter(columns.iter().flat_map(|column| column.as_ref()).map(|&x| (x as f32).to_ne_bytes()));
             drop(view);
             Ok(result)
         })
@@ -301,16 +301,12 @@ impl Backend for Gpu {
         self.download_only(columns, &Vec::from_iter(0..columns.columns))
     }
 
-    fn download_only(&self, columns: &GpuColumns, numbers: &[usize]) -> Result<Vec<Vec<f64>>, BackendError> {
-        Ok(self.download_together(&[(columns, numbers)])?.swap_remove(0))
-    }
-
-    fn download_together(&self, wanted: &[Wanted<GpuColumns>]) -> Result<Vec<Vec<Vec<f64>>>, BackendError> {
+    fn read<R>(&self, wanted: &[Wanted<GpuColumns>], take: impl FnOnce(Results) -> R) -> Result<R, BackendError> {
         let all = || wanted.iter().flat_map(|(columns, numbers)| numbers.iter().map(move |&number| (columns, number)));
         let bytes = |columns: &GpuColumns| (columns.len * size_of::<f32>()) as u64;
         let total = all().map(|(columns, _)| bytes(columns)).sum();
         if total == 0 {
-            return Ok(wanted.iter().map(|(_, numbers)| vec![Vec::new(); numbers.len()]).collect());
+            return Ok(take(cut(wanted, &[])));
         }
         self.scoped(|| {
             let staging = self.staging(total);
@@ -321,15 +317,7 @@ impl Backend for Gpu {
                 encoder.copy_buffer_to_buffer(&columns.buffer, number as u64 * bytes, &staging, at, bytes);
                 at += bytes;
             }
-            self.read_back(self.hand_over(encoder), &staging, |bytes| {
-                let mut rest: &[f32] = bytemuck::cast_slice(bytes);
-                let mut next = |len: usize| {
-                    let (column, others) = rest.split_at(len);
-                    rest = others;
-                    column.iter().map(|&x| f64::from(x)).collect()
-                };
-                wanted.iter().map(|(columns, numbers)| numbers.iter().map(|_| next(columns.len)).collect()).collect()
-            })
+            self.read_back(self.hand_over(encoder), &staging, |bytes| take(cut(wanted, bytemuck::cast_slice(bytes))))
         })
     }
 
@@ -344,4 +332,11 @@ impl Backend for Gpu {
         }
         self.wait()
     }
+}
+
+/// The columns that are wanted, which lie one behind the other.
+fn cut<'a>(wanted: &[Wanted<GpuColumns>], numbers: &'a [f32]) -> Results<'a> {
+    let mut rest = numbers;
+    let mut next = |len: usize| rest.split_off(..len).expect("all were copied");
+    Results::F32(wanted.iter().map(|(columns, of)| of.iter().map(|_| next(columns.len)).collect()).collect())
 }

@@ -8,7 +8,7 @@ use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::{EstimateSettings, Method, Schedule};
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::wgsl::tests::{pipeline, scheduled};
-use crate::kernel::{Backend, BackendError, Estimator, Kernel, Status, march_output_ports};
+use crate::kernel::{Backend, BackendError, Estimator, Kernel, Results, Status, march_output_ports};
 use crate::render::{Pipeline, RenderSettings, Renderer};
 use crate::shade::Size;
 
@@ -151,7 +151,7 @@ fn columns_of_several_buffers_are_joined_and_empty_ones_are_fine() {
     function.output("sum", arena.input(0, Type::V3) + arena.input(1, Type::F));
     let prepared = gpu.prepare(&arena, &Kernel::Map(function)).expect("a legal kernel");
     let a = gpu.upload(&[vec![1.0; 100], vec![2.0; 100], vec![3.0; 100]]).expect("little memory");
-    let b = gpu.upload(&[(0..100).map(f64::from).collect()]).expect("little memory");
+    let b = gpu.upload(&[Vec::from_iter((0..100).map(f64::from))]).expect("little memory");
     let sum = gpu.run(&prepared, &[&a, &b]).and_then(|c| gpu.download(&c)).expect("it runs");
     assert_eq!((sum[0][99], sum[1][0], sum[2][7]), (100.0, 2.0, 10.0));
     let none = gpu.upload(&vec![Vec::new(); 4]).expect("no memory");
@@ -160,19 +160,18 @@ fn columns_of_several_buffers_are_joined_and_empty_ones_are_fine() {
 }
 
 #[test]
-fn columns_of_several_results_are_downloaded_together() {
+fn columns_of_several_results_are_read_together() {
     let Some(gpu) = gpu() else { return };
     let upload = |columns: &[Vec<f64>]| gpu.upload(columns).expect("little memory");
     let (long, short) = (upload(&[vec![1.0, 2.0, 3.0], vec![4.0, 5.0, 6.0]]), upload(&[vec![7.0]]));
     let empty = upload(&[vec![], vec![]]);
     let wanted: [(&_, &[usize]); 4] = [(&long, &[1, 0]), (&empty, &[0, 1]), (&short, &[0]), (&long, &[])];
-    let got = gpu.download_together(&wanted).expect("it works");
-    assert_eq!(got[0], [[4.0, 5.0, 6.0], [1.0, 2.0, 3.0]]);
-    let nothing = vec![Vec::<f64>::new(); 2];
-    assert_eq!(got[1], nothing);
-    assert_eq!(got[2], [[7.0]]);
-    assert!(got[3].is_empty() && got.len() == 4);
-    assert_eq!(gpu.download_together(&wanted[1..2]).expect("nothing to wait for"), [nothing]);
+    let of_long: Vec<&[f32]> = vec![&[4.0, 5.0, 6.0], &[1.0, 2.0, 3.0]];
+    let (of_short, nothing): (Vec<&[f32]>, Vec<&[f32]>) = (vec![&[7.0]], vec![&[], &[]]);
+    let expected = Results::F32(vec![of_long, nothing.clone(), of_short, vec![]]);
+    assert!(gpu.read(&wanted, |results| results == expected).expect("it works"));
+    let expected = Results::F32(vec![nothing]);
+    assert!(gpu.read(&wanted[1..2], |results| results == expected).expect("nothing to wait for"));
 }
 
 #[test]
