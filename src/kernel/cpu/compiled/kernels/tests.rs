@@ -75,3 +75,31 @@ fn avx512_needs_one_loop() {
     let (builder, _) = Builder::written(&program, Precision::F32, InstructionSet::Avx512);
     assert_eq!(loops(&builder.assembler.instructions).len(), 1);
 }
+
+/// Three vectors with AVX2 where the state is small and an iteration waits for a quotient or a root, else two: the doc of
+/// `MORE_COPIES` says what was measured.
+#[test]
+fn vectors_in_step_follow_state_and_waits() {
+    const CASES: [(&str, Method, usize); 6] = [
+        // Four numbers and a quotient: that of the sphere fold, or of the power.
+        ("mandelbox", Method::Scalar, 3),
+        ("mandelbulb", Method::Scalar, 3),
+        // No quotient, whatever the state.
+        ("menger", Method::Scalar, 2),
+        ("menger", Method::Jacobian, 2),
+        // A Jacobian is nine numbers more.
+        ("mandelbox", Method::Jacobian, 2),
+        ("mandelbulb", Method::Gradient, 2),
+    ];
+    for (name, method, expected) in CASES {
+        let program = march(name, method);
+        for (set, expected) in [(InstructionSet::Avx2, expected), (InstructionSet::Avx512, 2)] {
+            let (builder, _) = Builder::written(&program, Precision::F32, set);
+            let state = orbit(&program).state;
+            assert_eq!(builder.copies, expected, "{name}, {method:?}, {set:?}, a state of {state} numbers");
+        }
+    }
+    let (arena, pipeline) = pipeline("mandelbox", &RenderSettings::default());
+    let camera = Program::new(&arena, &pipeline.camera_kernel);
+    assert_eq!(Builder::written(&camera, Precision::F32, InstructionSet::Avx2).0.copies, 2, "no orbit waits");
+}
