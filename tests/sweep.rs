@@ -83,6 +83,22 @@ fn a_parameter_that_changes_the_structure_brings_kernels_of_its_own() {
     }
 }
 
+/// First, middle and last speak for the others; each view that is measured leaves a file in the cache.
+#[test]
+fn three_frames_are_measured_however_many_there_are() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // Nothing but the step multiplier is left to choose, so the three agree.
+    let one =
+        ["--de", "scalar", "--form", "logarithmic", "--size", "24x18", "--samples", "1", "--backend", "cpu", "--quiet"];
+    let sweep = ["--sweep", "turn=5..60", "--frames", "9", "-o", "f%d.png"];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
+    command.current_dir(folder.path()).env("BULBFOLD_CACHE", folder.path().join("cache"));
+    let output = command.args(["render", "mandelbulb"]).args(one).args(sweep).output().expect("the program starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(folder.path().join("f9.png").exists());
+    assert_eq!(std::fs::read_dir(folder.path().join("cache")).expect("something was measured").count(), 3);
+}
+
 #[test]
 fn resume_keeps_frames_and_renders_the_others() {
     let folder = tempfile::tempdir().expect("a folder");

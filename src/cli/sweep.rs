@@ -72,24 +72,18 @@ pub fn run(
     let (settings, precision) = settle(session, arguments, &graphs, asked)?;
     let estimates = estimates(session, arguments, &graphs, &settings, precision)?;
     let mut gathered = Frames::default();
-    let mut for_all_views = None;
+    let mut plans = Plans::of(sweep);
     for &frame in &todo {
         let graph = &graphs[frame as usize];
         let arena = Rc::new(Arena::default());
         let composer = Composer { arena: &arena, library: &session.library, graph };
         let failed = |diagnostic| session.failure(diagnostic);
         let plan = match &estimates {
-            Estimates::Shared(wanted) => match &for_all_views {
-                Some(plan) => Plan::clone(plan),
-                None => choose(&composer, wanted).map_err(failed)?,
-            },
+            Estimates::Shared(wanted) => plans.next(|| choose(&composer, wanted).map_err(failed))?,
             Estimates::Own => {
                 choose_estimate(session, graph, &arena, &arguments.wish(graph, &settings, precision))?.plan
             }
         };
-        if sweep.moves_the_view_alone() {
-            for_all_views = Some(plan.clone());
-        }
         let begun = Instant::now();
         gathered.add(&arena, &compose_planned(&composer, &settings, plan).map_err(failed)?);
         composing += begun.elapsed();
@@ -223,6 +217,29 @@ enum Estimates {
     Shared(EstimateSettings),
     /// Every frame is measured by itself.
     Own,
+}
+
+/// The plans of frames that share their estimate.
+struct Plans {
+    /// Whether all frames show the same set, so that what is measured for the first holds for all.
+    are_one: bool,
+    kept: Option<Plan>,
+}
+
+impl Plans {
+    fn of(sweep: &SweepArgs) -> Plans {
+        Plans { are_one: sweep.moves_the_view_alone(), kept: None }
+    }
+
+    /// The next frame's plan, measured where none is known.
+    fn next(&mut self, measure: impl FnOnce() -> Result<Plan, Failure>) -> Result<Plan, Failure> {
+        if let Some(plan) = &self.kept {
+            return Ok(plan.clone());
+        }
+        let plan = measure()?;
+        self.kept = self.are_one.then(|| plan.clone());
+        Ok(plan)
+    }
 }
 
 fn estimates(
@@ -373,7 +390,38 @@ impl Report<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::Names;
+    use bulbfold::compose::Plan;
+    use bulbfold::graph::DifferenceStep;
+
+    use super::{Names, Plans, SweepArgs};
+
+    /// A plan that its fudge tells from others.
+    fn plan(fudge: f64) -> Plan {
+        let (choices, warnings) = (Vec::new(), Vec::new());
+        let difference_step = DifferenceStep::default();
+        Plan { choices, bounding_radius: 1.0, fudge, least_step: 1.0, stop_at: None, difference_step, warnings }
+    }
+
+    #[test]
+    fn views_of_one_set_measure_it_once() {
+        for (moved, expected) in [
+            (&["turn=0..90", "fov=40..50", "camera=1,2,3..3,2,1", "target=0,0,0..1,0,0", "up=0,0,1..0,1,0"][..], 1),
+            (&["power=5..6"], 4),
+            (&["turn=0..90", "power=5..6"], 4),
+        ] {
+            let ranges = moved.iter().map(|text| text.parse().expect("a range")).collect();
+            let sweep = SweepArgs { ranges, ..Default::default() };
+            let (mut plans, mut measured) = (Plans::of(&sweep), 0);
+            for _ in 0..4 {
+                let plan = plans.next(|| {
+                    measured += 1;
+                    Ok(plan(f64::from(measured)))
+                });
+                assert!(plan.is_ok_and(|plan| plan.fudge == f64::from(measured)), "{moved:?}");
+            }
+            assert_eq!(measured, expected, "{moved:?}");
+        }
+    }
 
     #[test]
     fn patterns_have_one_place_for_a_number() {

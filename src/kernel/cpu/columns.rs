@@ -130,3 +130,60 @@ impl CpuColumns {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::{Columns, LEAST_NUMBERS, MOST_NUMBERS, MOST_SPARE, Number};
+    use crate::kernel::Backend;
+    use crate::kernel::cpu::{Cpu, CpuColumns, Precision};
+    use crate::kernel::wgsl::tests::pipeline;
+    use crate::render::RenderSettings;
+
+    /// Where the numbers of columns lie.
+    fn place(columns: &CpuColumns) -> usize {
+        match columns {
+            CpuColumns::F32(columns) => columns.numbers.as_ptr().addr(),
+            CpuColumns::F64(columns) => columns.numbers.as_ptr().addr(),
+        }
+    }
+
+    /// Memory that lies where what was given back would be given out again.
+    fn in_the_way<T: Number>() -> Vec<Vec<T>> {
+        (0..4 * MOST_SPARE).map(|_| Vec::with_capacity(LEAST_NUMBERS)).collect()
+    }
+
+    #[test]
+    fn the_next_tile_lies_where_the_first_lay() {
+        let (arena, pipeline) = pipeline("mandelbulb", &RenderSettings::default());
+        for precision in [Precision::F32, Precision::F64] {
+            let cpu = Cpu::new(precision);
+            let [camera, march] = [&pipeline.camera_kernel, &pipeline.march]
+                .map(|kernel| cpu.prepare(&arena, kernel).expect("the CPU takes any kernel"));
+            // Pixels, rays and their ends, all of them there at the same time; the second tile is smaller.
+            let tile = |pixels: usize| {
+                let pixels: Vec<f64> = (0..pixels).map(|i| i as f64 + 0.5).collect();
+                let pixels = cpu.upload(&[pixels.clone(), pixels]).expect("the CPU has memory");
+                let rays = cpu.run(&camera, &[&pixels]).expect("it runs");
+                let ends = cpu.run(&march, &[&rays]).expect("it runs");
+                BTreeSet::from([&pixels, &rays, &ends].map(place))
+            };
+            let first = tile(100);
+            assert_eq!(first.len(), 3);
+            let _taken = (in_the_way::<f32>(), in_the_way::<f64>());
+            assert_eq!(tile(60), first, "{precision:?}");
+        }
+    }
+
+    #[test]
+    fn a_thread_keeps_little() {
+        let spare = || f64::spare().with(|spare| spare.borrow().iter().map(Vec::capacity).collect::<Vec<_>>());
+        assert_eq!(spare(), [0; 0], "a thread begins with none");
+        drop(Columns::<f64>::new(1, MOST_NUMBERS + 1));
+        assert_eq!(spare(), [0; 0], "large memory is given back");
+        let many: Vec<Columns<f64>> = (0..2 * MOST_SPARE).map(|_| Columns::new(1, 10)).collect();
+        drop(many);
+        assert_eq!(spare(), [LEAST_NUMBERS; MOST_SPARE]);
+    }
+}

@@ -189,3 +189,52 @@ fn bind_group_layout(device: &wgpu::Device, buffers: u32, has_uniforms: bool) ->
         .collect();
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::PoisonError;
+    use std::sync::mpsc::{Receiver, Sender, channel};
+    use std::time::Duration;
+
+    use super::{Compiled, Pipeline};
+    use crate::kernel::gpu::tests::gpu;
+    use crate::kernel::wgsl::tests::pipeline;
+    use crate::kernel::{Backend, BackendError};
+    use crate::render::RenderSettings;
+
+    /// Each job tells the next one that it runs and waits to be told: none of them could end before all have begun.
+    #[test]
+    fn kernels_compile_side_by_side() {
+        const JOBS: usize = 4;
+        let (tell, told): (Vec<Sender<()>>, Vec<_>) = (0..JOBS).map(|_| channel()).unzip();
+        let job = |(number, told): (usize, Receiver<()>)| {
+            let next = tell[(number + 1) % JOBS].clone();
+            Compiled::start(move || -> Pipeline {
+                let met = next.send(()).is_ok() && told.recv_timeout(Duration::from_secs(20)).is_ok();
+                Err(BackendError::InvalidWgsl(if met { "met" } else { "alone" }.into()))
+            })
+        };
+        let started: Vec<Compiled> = told.into_iter().enumerate().map(job).collect();
+        for compiled in &started {
+            let told = compiled.get().expect_err("nothing was compiled");
+            assert!(matches!(&told, BackendError::InvalidWgsl(text) if text == "met"), "{told}");
+        }
+    }
+
+    /// Whoever runs a kernel first waits for it, and nobody before.
+    #[test]
+    fn preparing_waits_for_no_compiler() {
+        let Some(gpu) = gpu() else { return };
+        let (arena, pipeline) = pipeline("mandelbulb", &RenderSettings::default());
+        for (name, kernel) in pipeline.kernels() {
+            gpu.prepare(&arena, kernel).unwrap_or_else(|error| panic!("{name}: {error}"));
+        }
+        let waited_for = || {
+            let known = gpu.cache.known.lock().unwrap_or_else(PoisonError::into_inner);
+            known.values().filter(|pipelines| pipelines.compiled.pipeline.get().is_some()).count()
+        };
+        assert_eq!(waited_for(), 0);
+        let compiled = gpu.compiling().expect("it counts").compiled as usize;
+        assert_eq!(waited_for(), compiled, "the count waits for all");
+    }
+}

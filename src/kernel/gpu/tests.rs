@@ -13,7 +13,7 @@ use crate::render::{Pipeline, RenderSettings, Renderer};
 use crate::shade::Size;
 
 /// A GPU, or `None` where there is none and none is required.
-fn gpu() -> Option<Gpu> {
+pub(super) fn gpu() -> Option<Gpu> {
     match Gpu::new(AdapterWanted::Any) {
         Ok(gpu) => Some(gpu),
         Err(error) if std::env::var("BULBFOLD_REQUIRE_GPU").is_ok_and(|v| v == "1") => panic!("{error}"),

@@ -1,5 +1,7 @@
 //! Every kernel of the built-in formulas is legal WGSL, and so are the corners of the language.
 
+mod dealing;
+
 use std::collections::HashMap;
 use std::rc::Rc;
 

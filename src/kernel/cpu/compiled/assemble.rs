@@ -40,7 +40,7 @@ pub(super) enum Counter {
 }
 
 impl Counter {
-    fn register(self) -> Register {
+    pub(super) fn register(self) -> Register {
         match self {
             Counter::Iterations => Register::R13,
             Counter::Schedule => Register::R14,
@@ -56,7 +56,7 @@ pub(super) struct Assembler {
     pub(super) first_active: u16,
     /// First of the slots for the addresses of columns.
     pub(super) first_address: u16,
-    instructions: Vec<Instruction>,
+    pub(super) instructions: Vec<Instruction>,
     labels: u64,
     /// The label of the next instruction.
     here: u64,

@@ -1,6 +1,8 @@
 //! Kernels as machine code: their tapes as straight-line segments, and the loops between them.
 
 mod orbits;
+#[cfg(test)]
+mod tests;
 
 use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
@@ -28,16 +30,8 @@ pub(in crate::kernel::cpu) fn compile(
     precision: Precision,
     set: InstructionSet,
 ) -> Option<Compiled> {
-    let copies = copies_of(program, set);
-    let mut builder = Builder::new(set, precision, copies);
-    builder.assembler.enter();
-    let columns = match program {
-        Program::Map(set) => builder.map(set),
-        Program::Estimate(tapes) => builder.estimate(tapes),
-        Program::March(tapes) => builder.march(tapes),
-    };
-    builder.assembler.leave();
-    let slots = builder.slots.len();
+    let (builder, columns) = Builder::written(program, precision, set);
+    let (copies, slots) = (builder.copies, builder.slots.len());
     Some(Compiled { set, precision, copies, code: builder.assembler.finish()?, slots, columns })
 }
 
@@ -180,6 +174,19 @@ impl Around for AroundMarch<'_> {
 }
 
 impl Builder {
+    /// A kernel in instructions, and where it finds its columns.
+    fn written(program: &Program, precision: Precision, set: InstructionSet) -> (Builder, ColumnPlaces) {
+        let mut builder = Builder::new(set, precision, copies_of(program, set));
+        builder.assembler.enter();
+        let columns = match program {
+            Program::Map(set) => builder.map(set),
+            Program::Estimate(tapes) => builder.estimate(tapes),
+            Program::March(tapes) => builder.march(tapes),
+        };
+        builder.assembler.leave();
+        (builder, columns)
+    }
+
     fn new(set: InstructionSet, precision: Precision, copies: usize) -> Builder {
         let mut slots = Slots::default();
         let calls = CallSlots { first: slots.take_many(CallSlots::count(copies)), kits: Kits { set, precision } };
