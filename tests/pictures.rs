@@ -418,6 +418,27 @@ fn the_command_tells_samples_and_stages() {
     }
 }
 
+/// Orbits of a march end where their detail is below a pixel, so a higher limit costs next to nothing and moves no surface.
+/// Orbits that go on to the limit take half as many iterations again with 40 as with 20.
+#[test]
+fn iterations_that_no_pixel_shows_cost_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, method) in
+        [("mandelbulb", "gradient"), ("mandelbulb", "jacobian"), ("mandelbox", "scalar"), ("box_bulb", "combined")]
+    {
+        let [low, high] = ["20", "40"].map(|limit| {
+            let limit = format!("max_iterations={limit}");
+            let small = ["-o", "a.png", "--size", "160x120", "--samples", "1", "--de", method];
+            let json = rendered(folder.path(), &[&[name, "--set", &limit], &small[..]].concat());
+            let number = |key: &str| json[key].as_f64().unwrap_or_else(|| panic!("{key} in {json}"));
+            let iterations = json["estimates_per_pixel"]["primary"].as_f64().unwrap() * number("iterations_mean");
+            (iterations, number("hits"))
+        });
+        assert!(high.0 < 1.1 * low.0, "{name} by {method}: {} iterations a pixel, then {}", low.0, high.0);
+        assert!((high.1 - low.1).abs() < 0.01 * low.1, "{name} by {method}: {} hits, then {}", low.1, high.1);
+    }
+}
+
 /// Proofs get stuck at an eighth of this one's hits and walk on in small steps, which tell nothing of the place. A picture
 /// whose occlusion counted all of them was a tenth darker.
 #[test]
