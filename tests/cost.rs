@@ -239,3 +239,16 @@ fn emit_cost_names_every_step() {
     assert!(row("together, as it runs") <= row("sum of these"));
     assert!(row("sum of these") < row("together, as written"));
 }
+
+#[test]
+fn emit_cost_says_that_steps_of_proofs_are_bare() {
+    for (method, is_said) in [("certified-ball", true), ("certified", true), ("scalar", false)] {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_bulbfold"))
+            .args(["compile", "box_bulb", "--emit", "cost", "--de", method])
+            .output()
+            .expect("it starts");
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(text.contains("Steps stand without the bounds"), is_said, "{method}:\n{text}");
+    }
+}

@@ -13,6 +13,9 @@ use bulbfold::render::Pipeline;
 /// Width of the first column.
 const NAMES: usize = 34;
 
+/// What is said of the steps of a proof.
+const BARE_STEPS: &str = "Steps stand without the bounds that a proof carries: only what runs has them.\n";
+
 /// The table of a picture's march. Errors are a step's.
 pub fn table(composer: &Composer, pipeline: &Pipeline) -> ComposeResult<String> {
     let Kernel::March(march) = &pipeline.march else {
@@ -31,6 +34,9 @@ pub fn table(composer: &Composer, pipeline: &Pipeline) -> ComposeResult<String> 
             choice.form.name(),
             kernel.max_iterations
         );
+        if choice.method.is_certified() {
+            text.push_str(BARE_STEPS);
+        }
         header(&mut text);
         let parts = iteration_parts(composer, orbit, choice)?;
         let plain = iteration_parts(&as_written, orbit, choice)?;
