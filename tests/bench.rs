@@ -86,7 +86,7 @@ fn methods_are_compared() {
 #[test]
 fn tables_and_csv_hold_the_same_rows() {
     let table = text(&bench(&["mandelbox", "menger", "--backend", "cpu", "--precision", "f32"]));
-    for part in ["mandelbox:", "menger:", "ns/pixel", "threads 1:", "picture", "a core:"] {
+    for part in ["mandelbox:", "menger:", "ns/pixel", "cpu: threads 1:", "cpu: picture", "a core:"] {
         assert!(table.contains(part), "{part} is missing:\n{table}");
     }
     let csv = text(&bench(&["mandelbox", "menger", "--backend", "cpu", "--precision", "f32", "--csv"]));
@@ -99,8 +99,9 @@ fn tables_and_csv_hold_the_same_rows() {
 
 #[test]
 fn wrong_usage_is_told() {
-    let cases: [(&[&str], &str); 5] = [
+    let cases: [(&[&str], &str); 6] = [
         (&["nothing_like_it"], "nothing_like_it"),
+        (&["mandelbulb", "--methods", "--de", "scalar"], "cannot be used with"),
         (&["mandelbulb", "--json", "--csv"], "cannot be used with"),
         (&["mandelbulb", "--time", "0"], "above 0"),
         (&["mandelbulb", "--size", "0x4"], "columns and rows"),

@@ -45,7 +45,7 @@ pub struct Arguments {
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = parse_size)]
     size: Size,
     /// Measure every method that applies, by its rules, instead of the one that a render takes
-    #[arg(long)]
+    #[arg(long, conflicts_with = "de")]
     methods: bool,
     /// Back ends: auto takes the CPU and any adapter, also one in software
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]

@@ -114,11 +114,11 @@ fn fractal(text: &mut String, measured: &Measured) {
         let ns = speed.ns_per_pixel();
         format!("{count}: {ns:.1} ns/pixel ({:.2} times)", one / ns)
     };
-    let _ = writeln!(text, "  threads {}", measured.threads.iter().map(line).collect::<Vec<_>>().join("; "));
+    let _ = writeln!(text, "  cpu: threads {}", measured.threads.iter().map(line).collect::<Vec<_>>().join("; "));
     let picture = &measured.picture;
     let _ = writeln!(
         text,
-        "  picture {:.1} ms with shading on all threads (spread {:.0} %, {} runs)",
+        "  cpu: picture {:.1} ms with shading on all threads (spread {:.0} %, {} runs)",
         picture.fastest().as_secs_f64() * 1e3,
         100.0 * picture.spread(),
         picture.runs()
