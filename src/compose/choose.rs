@@ -31,8 +31,6 @@ pub struct Choice {
     pub fudge: f64,
     /// Whether the orbit can be differentiated; normals need finite differences where it cannot.
     pub differentiable: bool,
-    /// Whether every step's scalar rule is exact: proofs bound growth by little more than it is, then.
-    pub exact: bool,
     /// Radius of a ball around the orbit's own origin that holds the set, as measured.
     pub extent: f64,
     /// Relative error of one operation: proofs leave room for it.
@@ -55,7 +53,6 @@ impl Default for Choice {
             difference: None,
             fudge: 1.0,
             differentiable: false,
-            exact: false,
             extent: 0.0,
             unit: UNIT_F32,
             applicable: Vec::new(),
@@ -246,7 +243,6 @@ fn choose_orbit(
         difference: settings.difference,
         fudge: settings.fudge.unwrap_or(default_fudge),
         differentiable: facts.blocking.is_none(),
-        exact,
         extent: 0.0,
         unit: UNIT_F32,
         applicable,

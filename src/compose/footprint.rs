@@ -19,24 +19,10 @@ const RESOLVED: f64 = -1.0;
 const COVERS: f64 = 1024.0;
 
 /// True where orbits end at the footprint: in marches by a method that carries a derivative, of a set of known extent.
-///
-/// Proofs carry a bound of it. Where a step has no exact rule that may be so far above that points well in front of the set would
-/// count as inside: of a bulb that jumps on its axis a fifth of the stops were early with 2^18 in the place of [`COVERS`].
 pub(super) fn follows_footprint(choice: &Choice, purpose: Purpose) -> bool {
     let carried = Carried::of(choice, purpose);
-    let of_proof = choice.method.is_certified() && choice.exact;
-    let carries = carried.scalar || carried.jacobian || carried.along || of_proof;
+    let carries = carried.scalar || carried.jacobian || carried.along;
     purpose == Purpose::March && carries && choice.extent > 0.0 && !choice.form.is_shape()
-}
-
-/// Whether the image of a ball of radius `hit_eps` is as wide as the set, if distances have grown by this factor.
-pub(super) fn covers<'g>(choice: &Choice, growth: Expr<'g>, hit_eps: Expr<'g>) -> Expr<'g> {
-    growth.lift(COVERS * choice.extent).lt(growth * hit_eps)
-}
-
-/// A march's estimate, or the mark of what is resolved.
-pub(super) fn mark<'g>(is_resolved: Expr<'g>, de: Expr<'g>) -> Expr<'g> {
-    is_resolved.select(de.lift(RESOLVED), de)
 }
 
 impl<'a> OrbitBuilder<'a> {
@@ -56,10 +42,10 @@ impl<'a> OrbitBuilder<'a> {
     /// how fast r grows: beside an axis where azimuths are torn apart its norm says nothing about how much of the set
     /// the image covers.
     fn is_resolved(&self, state: &State<'a>, hit_eps: Expr<'a>) -> Expr<'a> {
-        if let Some(dr) = state.dr {
-            return covers(self.choice, dr, hit_eps);
-        }
         let reach = COVERS * self.choice.extent;
+        if let Some(dr) = state.dr {
+            return self.composer.arena.f(reach).lt(dr * hit_eps);
+        }
         let r_sq = state.z.dot(state.z);
         // r times its gradient, or r times its change along the ray.
         let rows = state.z.components().into_iter().zip(&state.rows).map(|(z, row)| *row * z);
@@ -72,7 +58,7 @@ impl<'a> OrbitBuilder<'a> {
     pub(super) fn mark_resolved(&self, state: &State<'a>, hit_eps: Expr<'a>, de: Expr<'a>) -> Expr<'a> {
         let limit = self.settings.escape_radius * self.settings.escape_radius;
         let stays = state.z.dot(state.z).le(self.composer.arena.f(limit));
-        mark(stays.and(self.is_resolved(state, hit_eps)), de)
+        stays.and(self.is_resolved(state, hit_eps)).select(de.lift(RESOLVED), de)
     }
 }
 

@@ -17,7 +17,6 @@ mod rules;
 mod thresholds;
 
 use super::field::shape_at;
-use super::footprint::{covers, follows_footprint, mark};
 use super::levels::Joined;
 use super::placement::{Frame, Place};
 use super::{Choice, ComposeResult, Composer, Purpose};
@@ -80,8 +79,6 @@ struct Frozen<'g> {
     e0: Expr<'g>,
     /// Least threshold: the escape radius where the start point is too long for the others.
     floor: Option<Expr<'g>>,
-    /// The hit threshold, where orbits end once their detail is below it; 0 where they do not.
-    hit_eps: Option<Expr<'g>>,
 }
 
 impl<'a> Builder<'a> {
@@ -118,10 +115,6 @@ impl<'a> Builder<'a> {
         if let Some(floor) = floor {
             give("floor".into(), floor, &mut frozen);
         }
-        let hit_eps = self.hit_eps(e0);
-        if let Some(hit_eps) = hit_eps {
-            give("hit_eps".into(), hit_eps, &mut frozen);
-        }
 
         let moved = start.as_inputs(0, false);
         let s = arena.input((state.len() - 1) as u16, Type::F);
@@ -130,8 +123,7 @@ impl<'a> Builder<'a> {
         let fixed = Frozen {
             e0: arena.input(state.len() as u16, Type::F),
             start: start.as_inputs(state.len() + 1, true),
-            floor: floor.map(|_| arena.input((ports.len() - 1 - usize::from(hit_eps.is_some())) as u16, Type::F)),
-            hit_eps: hit_eps.map(|_| arena.input((ports.len() - 1) as u16, Type::F)),
+            floor: floor.map(|_| arena.input((ports.len() - 1) as u16, Type::F)),
         };
         let n = arena.input(ports.len() as u16, Type::F);
         ports.push(Port::new("n", Type::F));
@@ -148,13 +140,13 @@ impl<'a> Builder<'a> {
                 function.output("level", joined.d);
             }
             function.output("s", s);
-            function.output("escaped", self.has_ended(&next, &fixed, n));
+            // NaN compares false, so it counts as escaped.
+            function.output("escaped", !next.z.dot(next.z).le(self.escape_sq(n)));
             items.push(function);
         }
         let mut finish = Function::new(format!("{name}_finish"), ports);
         let proven = fixed.e0.min(s * MARGIN).max(arena.f(0.0));
-        let de = self.end_proof(moved, joined, &fixed, (proven, n))?;
-        finish.output("de", self.is_resolved(&moved, &fixed).map_or(de, |is_resolved| mark(is_resolved, de)));
+        finish.output("de", self.end_proof(moved, joined, &fixed, (proven, n))?);
         if self.purpose == Purpose::Probe {
             finish.output("r", moved.z.length());
             let parts = moved.z.components();
@@ -252,33 +244,6 @@ impl<'a> Builder<'a> {
         let further = square(self.settings.escape_radius * PROOF_ESCAPE);
         let last = self.composer.arena.f(f64::from(self.settings.max_iterations) - 1.5);
         last.lt(n).select(escape, further)
-    }
-
-    /// The hit threshold as orbits are ended by it. A large ball's image soon covers anything, so that is asked of balls within
-    /// the threshold alone.
-    fn hit_eps(&self, e0: Expr<'a>) -> Option<Expr<'a>> {
-        let hit_eps = EstimatorInputs::new(self.composer.arena).hit_eps;
-        follows_footprint(self.choice, self.purpose).then(|| e0.le(hit_eps).select(hit_eps, e0.lift(0.0)))
-    }
-
-    /// Whether the orbit ends with this state: it escaped, or its detail is below the hit threshold. NaN compares false, so it
-    /// counts as escaped.
-    fn has_ended(&self, moved: &Moved<'a>, fixed: &Frozen<'a>, n: Expr<'a>) -> Expr<'a> {
-        let escaped = !moved.z.dot(moved.z).le(self.escape_sq(n));
-        self.is_covered(moved, fixed).map_or(escaped, |is_covered| escaped.or(is_covered))
-    }
-
-    /// Whether the image of a ball of the hit threshold is as wide as the set. Of what no bound is known nothing is.
-    fn is_covered(&self, moved: &Moved<'a>, fixed: &Frozen<'a>) -> Option<Expr<'a>> {
-        let known = moved.l.lt(moved.l.lift(UNBOUNDED));
-        fixed.hit_eps.map(|hit_eps| known.and(covers(self.choice, moved.l, hit_eps)))
-    }
-
-    /// Whether an orbit that has ended did so without an escape.
-    fn is_resolved(&self, moved: &Moved<'a>, fixed: &Frozen<'a>) -> Option<Expr<'a>> {
-        let escape = self.settings.escape_radius;
-        let stays = moved.z.dot(moved.z).le(moved.l.lift(escape * escape));
-        self.is_covered(moved, fixed).map(|is_covered| stays.and(is_covered))
     }
 
     /// 0 where the start point is short enough for the thresholds, which hold for constants of its length; else the escape
