@@ -18,11 +18,15 @@ const RESOLVED: f64 = -1.0;
 /// factor of 8 is one iteration more of the power-8 bulb, three of a Mandelbox.
 const COVERS: f64 = 1024.0;
 
-/// True where orbits end at the footprint: in marches by a method that carries a derivative, of a set of known extent.
+/// True where orbits end at the footprint once a derivative is carried: in marches of a set of known extent.
+pub(super) fn can_follow_footprint(choice: &Choice, purpose: Purpose) -> bool {
+    purpose == Purpose::March && choice.extent > 0.0 && !choice.form.is_shape()
+}
+
+/// True where orbits end at the footprint.
 pub(super) fn follows_footprint(choice: &Choice, purpose: Purpose) -> bool {
     let carried = Carried::of(choice, purpose);
-    let carries = carried.scalar || carried.jacobian || carried.along;
-    purpose == Purpose::March && carries && choice.extent > 0.0 && !choice.form.is_shape()
+    can_follow_footprint(choice, purpose) && (carried.scalar || carried.jacobian || carried.along)
 }
 
 impl<'a> OrbitBuilder<'a> {

@@ -1,6 +1,7 @@
 //! One orbit: start values and iterations with their derivatives. What the end state says is the module `estimate`'s.
 
 use super::choose::MEASURED_CYCLE;
+use super::footprint::can_follow_footprint;
 use super::levels::Joined;
 use super::maps::{Memory, Moved, apply, apply_all, fixed_constant, remembering};
 use super::placement::Frame;
@@ -37,7 +38,19 @@ impl Carried {
     pub(super) const NOTHING: Carried =
         Carried { scalar: false, jacobian: false, along: false, shifted: Shifted::None, traps: false };
 
+    /// What the method needs, and in marches what tells of the footprint.
     pub(super) fn of(choice: &Choice, purpose: Purpose) -> Carried {
+        let carried = Carried::by_method(choice, purpose);
+        let grows = carried.scalar || carried.jacobian || carried.along;
+        if grows || !can_follow_footprint(choice, purpose) {
+            return carried;
+        }
+        let scalar = choice.applicable.contains(&Method::Scalar);
+        let along = !scalar && choice.applicable.contains(&Method::Directional);
+        Carried { scalar, along, ..carried }
+    }
+
+    fn by_method(choice: &Choice, purpose: Purpose) -> Carried {
         if purpose == Purpose::Surface {
             let shifted = if choice.differentiable { Shifted::None } else { Shifted::Axes };
             return Carried { jacobian: choice.differentiable, shifted, traps: true, ..Carried::NOTHING };
@@ -205,13 +218,14 @@ pub(super) fn compose_orbit(
     choice: &Choice,
     purpose: Purpose,
 ) -> ComposeResult<Orbit> {
-    if choice.method.is_certified() && purpose != Purpose::Surface {
-        return super::certified::compose_certified(composer, name, root, settings, frame, choice, purpose);
-    }
     let width = composer.graph.state_width(root, settings);
     let mut carried = Carried::of(choice, purpose);
     carried.traps &= composer.graph.look.reads_traps();
-    OrbitBuilder { composer, settings, root, frame, width, carried, choice, purpose }.build(name)
+    let builder = OrbitBuilder { composer, settings, root, frame, width, carried, choice, purpose };
+    match choice.method.is_certified() && purpose != Purpose::Surface {
+        true => super::certified::compose_certified(&builder, name),
+        false => builder.build(name),
+    }
 }
 
 pub(super) struct OrbitBuilder<'a> {

@@ -11,6 +11,7 @@
 //!
 //! [`rules`] says where growth comes from.
 
+mod centre;
 mod moved;
 mod rounding;
 mod rules;
@@ -18,13 +19,15 @@ mod thresholds;
 
 use super::field::shape_at;
 use super::levels::Joined;
+use super::orbit::OrbitBuilder;
 use super::placement::{Frame, Place};
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::enclose::UNBOUNDED;
-use crate::expr::{Expr, Function, Port, Type};
+use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::formula::step::Traced;
 use crate::graph::{Constant, EndShape, IterationMap, Method, NO_ESCAPE, NodeRef, OrbitSettings, resolve_schedule};
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
+use centre::Centre;
 use moved::{Context, Moved};
 use rounding::roundings;
 
@@ -35,18 +38,10 @@ const LARGEST_START: f64 = 0.25;
 /// Escape radii that an orbit is followed to for [`Purpose::Proof`].
 const PROOF_ESCAPE: f64 = 16.0;
 
-/// Builds the certified orbit of a node; `purpose` is to march or to probe.
-pub(super) fn compose_certified(
-    composer: &Composer,
-    name: String,
-    root: NodeRef,
-    settings: &OrbitSettings,
-    frame: &Frame,
-    choice: &Choice,
-    purpose: Purpose,
-) -> ComposeResult<Orbit> {
-    let width = composer.graph.state_width(root, settings);
-    Builder { composer, settings, frame, width, choice, purpose }.build(name, root)
+/// Builds the certified orbit of a node.
+pub(super) fn compose_certified(orbit: &OrbitBuilder, name: String) -> ComposeResult<Orbit> {
+    let OrbitBuilder { composer, settings, frame, width, choice, purpose, .. } = *orbit;
+    Builder { composer, settings, frame, width, choice, purpose }.build(name, orbit)
 }
 
 /// Most that a map stretches distances from `z` within a ball of radius `e`.
@@ -81,79 +76,101 @@ struct Frozen<'g> {
     floor: Option<Expr<'g>>,
 }
 
+/// State and frozen values in their order: outputs of `init`, and inputs of everything after it.
+struct Inputs<'g> {
+    init: Function,
+    ports: Vec<Port>,
+    arena: &'g Arena,
+}
+
+impl<'g> Inputs<'g> {
+    /// The input that stands for a value of the start.
+    fn give(&mut self, name: &str, e: Expr<'g>) -> Expr<'g> {
+        self.init.output(name, e);
+        self.ports.push(Port::new(name, e.ty()));
+        self.arena.input((self.ports.len() - 1) as u16, e.ty())
+    }
+
+    /// The same, but constants stay what they are.
+    fn keep(&mut self, name: &str, e: Expr<'g>) -> Expr<'g> {
+        if e.as_constant().is_some() { e } else { self.give(name, e) }
+    }
+}
+
 impl<'a> Builder<'a> {
-    fn build(&self, name: String, root: NodeRef) -> ComposeResult<Orbit> {
+    fn build(&self, name: String, orbit: &OrbitBuilder<'a>) -> ComposeResult<Orbit> {
         let (composer, arena) = (self.composer, self.composer.arena);
         let limit = self.settings.max_iterations;
-        let (maps, schedule) = resolve_schedule(composer.graph, root, self.settings.constant, limit);
+        let (maps, schedule) = resolve_schedule(composer.graph, orbit.root, self.settings.constant, limit);
         // Constants are as long as the start point, which thresholds hold for up to here.
         let largest_start = self.choice.extent * (1.0 + LARGEST_START);
         let (escape, width) = (self.settings.escape_radius, self.width);
         let all = thresholds::thresholds(composer, &maps, &schedule, limit, escape, largest_start, width)?;
 
         let (start, e0) = self.start()?;
-        let mut init = Function::new(format!("{name}_init"), Estimator::inputs());
-        let mut state = Vec::new();
-        let mut give = |name: String, e: Expr, ports: &mut Vec<Port>| {
-            init.output(name.clone(), e);
-            ports.push(Port::new(name, e.ty()));
-        };
-        for (name, e) in start.parts("") {
-            give(name, e, &mut state);
-        }
-        let first = self.join(None, start, e0, arena.f(0.0))?;
-        if let Some(joined) = &first {
-            give("level".into(), joined.d, &mut state);
-        }
-        give("s".into(), arena.f(0.0), &mut state);
-        let mut frozen = Vec::new();
-        give("e0".into(), e0, &mut frozen);
-        for (name, e) in start.parts("c_").into_iter().filter(|(_, e)| e.as_constant().is_none()) {
-            give(name, e, &mut frozen);
-        }
+        let init = Function::new(format!("{name}_init"), Estimator::inputs());
+        let mut inputs = Inputs { init, ports: Vec::new(), arena };
+        let moved = start.map(|name, e| inputs.give(name, e));
+        let joined = self.join(None, start, e0, arena.f(0.0))?;
+        let joined = joined.map(|joined| Joined { d: inputs.give("level", joined.d), gradient: None });
+        let mut centre = Centre::start(orbit)?;
+        centre.iter_mut().for_each(|centre| centre.carry(moved.z, &mut inputs));
+        let s = inputs.give("s", arena.f(0.0));
+        let states = inputs.ports.len();
         let floor = self.floor(&maps, start, e0);
-        if let Some(floor) = floor {
-            give("floor".into(), floor, &mut frozen);
-        }
-
-        let moved = start.as_inputs(0, false);
-        let s = arena.input((state.len() - 1) as u16, Type::F);
-        let joined = first.map(|_| Joined { d: arena.input((state.len() - 2) as u16, Type::F), gradient: None });
-        let mut ports: Vec<Port> = state.iter().chain(&frozen).cloned().collect();
         let fixed = Frozen {
-            e0: arena.input(state.len() as u16, Type::F),
-            start: start.as_inputs(state.len() + 1, true),
-            floor: floor.map(|_| arena.input((ports.len() - 1) as u16, Type::F)),
+            e0: inputs.give("e0", e0),
+            start: start.map(|name, e| inputs.keep(&format!("c_{name}"), e)),
+            floor: floor.map(|floor| inputs.give("floor", floor)),
         };
+        let moves = maps.iter().any(|m| m.constant.start_weight() != 0.0);
+        centre.iter_mut().for_each(|centre| centre.freeze(fixed.start.z, moves, &mut inputs));
+        let Inputs { init, mut ports, .. } = inputs;
         let n = arena.input(ports.len() as u16, Type::F);
         ports.push(Port::new("n", Type::F));
+
         let mut items = Vec::new();
         for (i, item) in maps.iter().enumerate() {
             let mut function = Function::new(format!("{name}_iterate_{i}"), ports.clone());
             let next = self.iterate(item, moved, &fixed, n)?;
             let limit = thresholds::threshold_of(&all, &schedule, i, n);
-            let s = self.prove(s, &next, fixed.floor.map_or(limit, |floor| limit.max(floor)));
-            for (name, e) in next.parts("") {
+            let proven = self.prove(s, &next, fixed.floor.map_or(limit, |floor| limit.max(floor)));
+            next.map(|name, e| {
                 function.output(name, e);
-            }
+                e
+            });
             if let Some(joined) = self.join(joined.clone(), next, fixed.e0, n + 1.0)? {
                 function.output("level", joined.d);
             }
-            function.output("s", s);
             // NaN compares false, so it counts as escaped.
-            function.output("escaped", !next.z.dot(next.z).le(self.escape_sq(n)));
+            let mut ended = !next.z.dot(next.z).le(self.escape_sq(n));
+            if let Some(centre) = &centre {
+                let next = centre.iterate(item, n)?;
+                Centre::derivative(&next).into_iter().for_each(|(name, e)| function.output(name, e));
+                ended = centre.has_ended(&next);
+            }
+            function.output("s", proven);
+            function.output("escaped", ended);
             items.push(function);
         }
-        let mut finish = Function::new(format!("{name}_finish"), ports);
+        let finish = Function::new(format!("{name}_finish"), ports.clone());
         let proven = fixed.e0.min(s * MARGIN).max(arena.f(0.0));
-        finish.output("de", self.end_proof(moved, joined, &fixed, (proven, n))?);
+        let de = self.end_proof(moved, joined, &fixed, (proven, n))?;
+        let finish = self.finish(finish, moved, centre.map_or(de, |centre| centre.mark_resolved(de)));
+        ports.pop();
+        let frozen = ports.split_off(states);
+        Ok(Orbit { name, state: ports, frozen, init, items, schedule, finish, max_iterations: limit })
+    }
+
+    fn finish(&self, mut finish: Function, moved: Moved<'a>, de: Expr<'a>) -> Function {
+        finish.output("de", de);
         if self.purpose == Purpose::Probe {
             finish.output("r", moved.z.length());
             let parts = moved.z.components();
-            let w = parts.get(3).copied().unwrap_or_else(|| arena.f(0.0));
-            finish.output("z", arena.compose(&[parts[0], parts[1], parts[2], w]));
+            let w = parts.get(3).copied().unwrap_or_else(|| de.lift(0.0));
+            finish.output("z", self.composer.arena.compose(&[parts[0], parts[1], parts[2], w]));
         }
-        Ok(Orbit { name, state, frozen, init, items, schedule, finish, max_iterations: limit })
+        finish
     }
 
     /// The start as expressions of the [`EstimatorInputs`], and the start radius in world units.

@@ -24,29 +24,13 @@ pub(super) struct Moved<'g> {
 }
 
 impl<'g> Moved<'g> {
-    pub(super) fn parts(&self, prefix: &str) -> Vec<(String, Expr<'g>)> {
-        let mut parts = vec![("z", self.z), ("l", self.l), ("eta", self.eta)];
-        if let Some((v, rho)) = self.segment {
-            parts.extend([("v", v), ("rho", rho)]);
-        }
-        parts.into_iter().map(|(name, e)| (format!("{prefix}{name}"), e)).collect()
-    }
-
-    /// The same parts as inputs from `first` on; constants stay what they are if `keep` says so.
-    pub(super) fn as_inputs(&self, first: usize, keep: bool) -> Moved<'g> {
-        let mut next = first as u16;
-        let mut input = |e: Expr<'g>| {
-            if keep && e.as_constant().is_some() {
-                return e;
-            }
-            next += 1;
-            e.arena.input(next - 1, e.ty())
-        };
+    /// Each part made another, with its name.
+    pub(super) fn map(&self, mut other: impl FnMut(&str, Expr<'g>) -> Expr<'g>) -> Moved<'g> {
         Moved {
-            z: input(self.z),
-            l: input(self.l),
-            eta: input(self.eta),
-            segment: self.segment.map(|(v, rho)| (input(v), input(rho))),
+            z: other("z", self.z),
+            l: other("l", self.l),
+            eta: other("eta", self.eta),
+            segment: self.segment.map(|(v, rho)| (other("v", v), other("rho", rho))),
         }
     }
 
