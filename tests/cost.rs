@@ -138,8 +138,8 @@ fn a_julia_set_carries_no_one_and_no_start_point() {
 
 #[test]
 fn an_estimate_is_told_only_what_it_reads() {
-    // The scalar method takes no finite differences and does not ask for the ray's direction; the hit threshold matters to
-    // orbits that carry a derivative, since they end where their detail is below it.
+    // The scalar method takes no finite differences and does not ask for the ray's direction; the hit threshold matters to all
+    // orbits, since they end where their detail is below it.
     let scalar = make(&bulb("", ""), Some(Method::Scalar));
     let delta = make(&bulb("", ""), Some(Method::Delta));
     let ray = make(&bulb("", ""), Some(Method::Directional));
@@ -148,7 +148,8 @@ fn an_estimate_is_told_only_what_it_reads() {
         let output = march.locate.outputs.iter().find(|(port, _)| port.name == name).expect("a port of the estimator");
         matches!(made.arena.node(output.1).op, Op::Const(_))
     };
-    for (made, d, h, hit_eps) in [(&scalar, true, true, false), (&delta, true, false, true), (&ray, false, true, false)]
+    for (made, d, h, hit_eps) in
+        [(&scalar, true, true, false), (&delta, true, false, false), (&ray, false, true, false)]
     {
         assert!(!is_constant(made, "p"));
         assert_eq!(["d", "h", "hit_eps"].map(|name| is_constant(made, name)), [d, h, hit_eps]);

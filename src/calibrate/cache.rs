@@ -13,14 +13,14 @@ use serde_json::{Value, json};
 use super::{Calibration, Candidate, Options, Origin, Row, Space, Verdict};
 use crate::check::Subject;
 use crate::check::truth::compose_membership;
-use crate::compose::field_orbits;
+use crate::compose::{Purpose, field_orbits};
 use crate::diag::Diagnostic;
 use crate::graph::print::listing;
 use crate::graph::{DeForm, Method, NodeKind};
 use crate::kernel::listing::listing as instructions;
 
 /// Counts changes of the calibration itself: what older programs kept is not read any more.
-const VERSION: u32 = 11;
+const VERSION: u32 = 12;
 
 /// The user's folder for calibrations: `$BULBFOLD_CACHE`, else `bulbfold` in the system's folder for caches. `None` where
 /// there is none, or the variable is empty.
@@ -50,7 +50,7 @@ pub fn key(subject: &Subject, options: &Options) -> Result<String, Diagnostic> {
         let _ = writeln!(text, "{:?}", orbit.settings);
     }
     // What the maps compute, and the steps' texts, which hold the scalar rules too.
-    text.push_str(&instructions(subject.arena, &compose_membership(&composer, &subject.plan.choices)?));
+    text.push_str(&instructions(subject.arena, &compose_membership(&composer, &subject.plan.choices, Purpose::Truth)?));
     for node in &subject.graph.nodes {
         if let NodeKind::Step { step, .. } | NodeKind::Shape { step, .. } = &node.kind {
             text.push_str(subject.library.sources.text(step.text));

@@ -39,21 +39,24 @@ pub fn choose_estimate(
     arena: &Rc<Arena>,
     wish: &Wish,
 ) -> Result<Calibration, Failure> {
-    let wanted = wish.estimate.estimate.settings();
-    let failed = |diagnostic| session.failure(diagnostic);
     let composer = Composer { arena, library: &session.library, graph };
-    let plan = choose(&composer, &wanted).map_err(failed)?;
-    plan.warnings.iter().for_each(|warning| session.warn(warning));
-    let subject = Subject { library: &session.library, graph, arena, plan };
+    let plan =
+        choose(&composer, &wish.estimate.estimate.settings()).map_err(|diagnostic| session.failure(diagnostic))?;
+    settle_estimate(session, Subject { library: &session.library, graph, arena, plan }, wish)
+}
+
+/// The same for a subject with the plan that the rules make of what is wished.
+pub fn settle_estimate(session: &Session, subject: Subject, wish: &Wish) -> Result<Calibration, Failure> {
+    subject.plan.warnings.iter().for_each(|warning| session.warn(warning));
     // Points of a plane need no step multiplier, and no ray misses them.
-    if graph.plane.is_some() || !wish.estimate.calibrate.0 {
+    if subject.graph.plane.is_some() || !wish.estimate.calibrate.0 {
         return Ok(Calibration::by_rule(&subject));
     }
     let options = options(&subject, wish);
     let mut progress = Progress::new(wish.quiet);
     let calibration = calibrate(&subject, &options, &mut |share| progress.update(share));
     progress.finish();
-    let calibration = calibration.map_err(failed)?;
+    let calibration = calibration.map_err(|diagnostic| session.failure(diagnostic))?;
     calibration.warnings.iter().for_each(|warning| session.warn(warning));
     Ok(calibration)
 }

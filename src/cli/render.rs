@@ -6,6 +6,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use bulbfold::calibrate::Calibration;
+use bulbfold::check::Subject;
 use bulbfold::compose::{Composer, choose};
 use bulbfold::expr::Arena;
 #[cfg(feature = "chart")]
@@ -14,7 +15,7 @@ use bulbfold::film::PngFile;
 use bulbfold::graph::{Camera, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError};
 use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
-use bulbfold::render::{Pipeline, RenderSettings, Renderer, Sampling, Stats, compose_pipeline, compose_planned};
+use bulbfold::render::{Pipeline, RenderSettings, Renderer, Sampling, Stats, compose_planned};
 use bulbfold::shade::{self, Size, frame_automatically};
 use clap::{Args, ValueEnum};
 
@@ -22,7 +23,7 @@ use super::arguments::{
     AutoArgs, BackendArg, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector,
 };
 use super::backend::{Job, Wanted, run_job};
-use super::calibration::{Wish, choose_estimate};
+use super::calibration::{Wish, settle_estimate};
 use super::progress::{Progress, short};
 use super::session::{check_output, refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
@@ -315,12 +316,14 @@ fn fit(
     let mut settings = arguments.settings(asked);
     let graph = with_view(session, arena, graph, &settings, &arguments.camera)?;
     let composer = Composer { arena, library: &session.library, graph: &graph };
-    let by_rules = compose_pipeline(&composer, &settings).map_err(failed)?;
+    let plan = choose(&composer, &settings.estimate).map_err(failed)?;
+    let by_rules = compose_planned(&composer, &settings, plan.clone()).map_err(failed)?;
     let resolution = resolution(arena, &by_rules, settings.size);
     let precision = settle_precision(session, arguments, asked, &resolution);
     settings.min_difference = precision.min_difference();
     settings.boxed = true;
-    let calibration = choose_estimate(session, &graph, arena, &arguments.wish(&graph, &settings, precision))?;
+    let subject = Subject { library: &session.library, graph: &graph, arena, plan };
+    let calibration = settle_estimate(session, subject, &arguments.wish(&graph, &settings, precision))?;
     let start = Instant::now();
     let pipeline = compose_planned(&composer, &settings, calibration.plan.clone()).map_err(failed)?;
     Ok(Fitted { composing: start.elapsed(), graph, settings, pipeline, precision, calibration })

@@ -19,7 +19,8 @@
 //! It is done where every orbit has proofs and no seam is rounded: what rounding adds is not in any of the sets. A box that leaves
 //! most of the ball is not worth its tests and is dropped.
 
-use super::choose::{UNIT_F64, run_prepared};
+use super::choose::UNIT_F64;
+use super::measure::run_prepared;
 use super::{Choice, ComposeResult, Composer, Plan, Purpose, compose_estimator};
 use crate::graph::{DeForm, Method, NodeKind};
 use crate::kernel::cpu::{Cpu, CpuKernel, Precision};

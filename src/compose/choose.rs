@@ -2,15 +2,15 @@
 //! design's rules and two measurements in f64, growth far out and extent.
 
 use super::maps::{scalar_rules, steps_of};
-use super::orbit::compose_growth;
+use super::measure::{measure_extent, measure_growth, measure_tightness, outermost_member};
 use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
 use crate::graph::{
     DeForm, Difference, DifferenceStep, EstimateSettings, Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method, NodeKind,
     NodeRef, Primitive,
 };
-use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
-use crate::kernel::{Backend, Estimator, Kernel, inwards};
+use crate::kernel::Kernel;
+use crate::kernel::cpu::{Cpu, Precision};
 
 /// How distances are estimated from one orbit.
 #[derive(Clone, PartialEq, Debug)]
@@ -31,6 +31,8 @@ pub struct Choice {
     pub fudge: f64,
     /// Whether the orbit can be differentiated; normals need finite differences where it cannot.
     pub differentiable: bool,
+    /// Whether the scalar rules grow as fast as orbits do, as measured; false where not every step has one.
+    pub tight: bool,
     /// Radius of a ball around the orbit's own origin that holds the set, as measured.
     pub extent: f64,
     /// Relative error of one operation: proofs leave room for it.
@@ -53,6 +55,7 @@ impl Default for Choice {
             difference: None,
             fudge: 1.0,
             differentiable: false,
+            tight: false,
             extent: 0.0,
             unit: UNIT_F32,
             applicable: Vec::new(),
@@ -128,6 +131,8 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     for (orbit, choice) in orbits.iter().zip(&mut choices) {
         let extent = measure_extent(composer, orbit)?;
         choice.extent = extent;
+        let has_both = [Method::Scalar, Method::Directional].iter().all(|m| choice.applicable.contains(m));
+        choice.tight = has_both && !choice.form.is_shape() && measure_tightness(composer, orbit, extent)?;
         let fixed = wanted.or(orbit.settings.estimate).radius;
         if matches!(choice.form, DeForm::Linear | DeForm::Box) {
             // Beyond half the escape radius the form would say 0 right where orbits escape.
@@ -243,6 +248,7 @@ fn choose_orbit(
         difference: settings.difference,
         fudge: settings.fudge.unwrap_or(default_fudge),
         differentiable: facts.blocking.is_none(),
+        tight: false,
         extent: 0.0,
         unit: UNIT_F32,
         applicable,
@@ -293,105 +299,6 @@ fn is_mixed(steps: &[&crate::formula::step::Step]) -> bool {
     steps.iter().any(|s| s.group == "fold")
 }
 
-/// Unit vectors spread evenly over the sphere (Fibonacci lattice), turned by `turn`.
-fn directions(count: usize, turn: f64) -> Vec<[f64; 3]> {
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    (0..count)
-        .map(|i| {
-            let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
-            let ring = (1.0 - z * z).sqrt();
-            let angle = golden * i as f64 + turn;
-            [ring * angle.cos(), ring * angle.sin(), z]
-        })
-        .collect()
-}
-
-/// How r grows far out.
-struct OrbitGrowth {
-    /// Power in one iteration, on average over a cycle; 1 where r grows by a factor.
-    power: f64,
-    /// In words.
-    evidence: String,
-}
-
-impl OrbitGrowth {
-    /// The form that it calls for: a constant ratio is linear, a growing one logarithmic.
-    fn form(&self) -> DeForm {
-        if self.power > 1.0 { DeForm::Logarithmic } else { DeForm::Linear }
-    }
-}
-
-/// Cycles are measured in their first iterations only, which bounds the size of the function.
-pub(super) const MEASURED_CYCLE: usize = 16;
-
-/// Measures the growth of r over one cycle, far out.
-fn measure_growth(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<OrbitGrowth> {
-    let (function, iterations) = compose_growth(composer, orbit.root, &orbit.settings)?;
-    let width = composer.graph.state_width(orbit.root, &orbit.settings) as usize;
-    let cpu = Cpu::new(Precision::F64);
-    let points = directions(64, 0.3);
-    let radius_after = |scale: f64| -> Vec<f64> {
-        let columns: Vec<Vec<f64>> =
-            (0..width).map(|i| points.iter().map(|p| p.get(i).copied().unwrap_or(0.4) * scale).collect()).collect();
-        run_f64(&cpu, composer, &Kernel::Map(function.clone()), &columns).swap_remove(0)
-    };
-    let (near, far): (f64, f64) = (1e3, 1e4);
-    let mut exponents: Vec<f64> = radius_after(near)
-        .into_iter()
-        .zip(radius_after(far))
-        .map(|(a, b)| (b / a).ln() / (far / near).ln())
-        .map(|e| if e.is_finite() { e } else { f64::MAX })
-        .collect();
-    exponents.sort_by(f64::total_cmp);
-    let exponent = exponents[exponents.len() / 2];
-    Ok(if exponent > 1.05 {
-        let shown = if exponent == f64::MAX { "a high power".to_string() } else { format!("power {exponent:.2}") };
-        let power = exponent.powf(1.0 / iterations.max(1) as f64);
-        OrbitGrowth { power, evidence: format!("far out r grows by {shown} a cycle") }
-    } else {
-        OrbitGrowth { power: 1.0, evidence: "far out r grows by a constant factor a cycle".to_string() }
-    })
-}
-
-/// Runs a kernel on the reference back end, which cannot fail.
-pub(crate) fn run_f64(cpu: &Cpu, composer: &Composer, kernel: &Kernel, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let prepared = cpu.prepare(composer.arena, kernel).expect("the CPU takes every kernel");
-    run_prepared(cpu, &prepared, columns)
-}
-
-/// The same for a kernel that runs several times.
-pub(crate) fn run_prepared(cpu: &Cpu, prepared: &CpuKernel, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let columns = cpu.upload(columns).expect("the CPU holds every column");
-    let result = cpu.run(prepared, &[&columns]).expect("the CPU runs every kernel");
-    cpu.download(&result).expect("the CPU holds every column")
-}
-
-/// Radius of a ball around the orbit's own origin that holds every point whose orbit is still in after a few iterations:
-/// an outer bound of the set, found by trying points on spheres from outside inwards.
-fn measure_extent(composer: &Composer, orbit: &FieldOrbit) -> ComposeResult<f64> {
-    let mut probe = orbit.clone();
-    probe.frame = super::placement::Frame::default();
-    let mut best = f64::MAX;
-    // Few iterations leave the set thick enough for samples to hit, many leave it tight: the smallest hit ball wins.
-    for iterations in [4, 7, 11, 16] {
-        if iterations > orbit.settings.max_iterations && best != f64::MAX {
-            break;
-        }
-        let limit = iterations.min(orbit.settings.max_iterations).max(1);
-        let settings = crate::graph::OrbitSettings { max_iterations: limit, ..orbit.settings.clone() };
-        let membership = super::orbit::compose_membership(composer, orbit.root, &settings)?;
-        let cpu = Cpu::new(Precision::F64);
-        let found = outermost_member(&cpu, composer, &membership, 0);
-        let Some(found) = found else { break };
-        // A ball that shrinks at once means that the samples began to miss a thin set, not that it is smaller.
-        if best != f64::MAX && found < best / 1.5 {
-            break;
-        }
-        best = best.min(found);
-    }
-    Ok(if best == f64::MAX { 2.0 } else { best })
-}
-
 /// True where a field is seen through maps or tiles, so that its size is not that of its parts.
 fn is_warped(composer: &Composer) -> bool {
     let mut open = vec![composer.graph.output];
@@ -403,24 +310,6 @@ fn is_warped(composer: &Composer) -> bool {
         }
     }
     false
-}
-
-/// The largest sampled radius with a point inside, one sampling step further out.
-fn outermost_member(cpu: &Cpu, composer: &Composer, membership: &Kernel, output: usize) -> Option<f64> {
-    let ratio: f64 = 1.08;
-    let mut radius = 40.0;
-    let membership = cpu.prepare(composer.arena, membership).expect("the CPU takes every kernel");
-    for shell in 0..90 {
-        let points = directions(600, f64::from(shell));
-        let points: Vec<[f64; 3]> = points.iter().map(|p| p.map(|x| x * radius)).collect();
-        let columns = Estimator::columns(&points, &points.iter().map(inwards).collect::<Vec<_>>(), &[1e-4], 0.0);
-        let inside = run_prepared(cpu, &membership, &columns).swap_remove(output);
-        if inside.iter().any(|&i| i > 0.5) {
-            return Some(radius * ratio * ratio);
-        }
-        radius /= ratio;
-    }
-    None
 }
 
 /// Radius of a ball around the world's origin that holds the output. Unbounded primitives are cut to the rest's size.

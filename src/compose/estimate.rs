@@ -95,7 +95,15 @@ impl<'a> OrbitBuilder<'a> {
                 function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
                 function.output("de", self.distance(end.size, slope, n));
             }
-            Purpose::Estimate | Purpose::Proof | Purpose::March | Purpose::Probe | Purpose::Decision => {
+            Purpose::Truth if self.follows_footprint() => {
+                function.output("de", self.mark_resolved(state, constants.hit_eps, arena.f(0.0)));
+            }
+            Purpose::Estimate
+            | Purpose::Proof
+            | Purpose::March
+            | Purpose::Truth
+            | Purpose::Probe
+            | Purpose::Decision => {
                 let slope = self.slope(end, constants.h);
                 let de = self.distance(end.size, slope, n);
                 let follows = self.follows_footprint();

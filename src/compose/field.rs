@@ -190,7 +190,7 @@ impl<'g> FieldBuilder<'_, 'g> {
         let arena = self.composer.arena;
         let value = self.value(self.composer.graph.output, &Frame::default())?;
         match self.purpose {
-            Purpose::Estimate | Purpose::Proof | Purpose::March => {
+            Purpose::Estimate | Purpose::Proof | Purpose::March | Purpose::Truth => {
                 combine.output("de", value.d);
                 combine.output("inside", value.inside);
             }

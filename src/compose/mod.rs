@@ -13,6 +13,7 @@ mod field;
 mod footprint;
 mod levels;
 mod maps;
+mod measure;
 pub mod norm;
 mod orbit;
 mod parts;
@@ -25,7 +26,7 @@ pub use bounds::{Bounds, Sides};
 pub use choose::{Choice, Plan, choose};
 pub use field::{Decider, FieldOrbit, compose_estimator, deciders, field_orbits};
 pub use maps::scalar_rules;
-pub use orbit::compose_growth;
+pub use measure::compose_growth;
 pub use parts::{IterationParts, Part, iteration_parts};
 
 use std::rc::Rc;
@@ -45,6 +46,9 @@ pub enum Purpose {
     Proof,
     /// The same for a march, whose orbits end where their detail is below the hit threshold: what is resolved is inside.
     March,
+    /// `de, inside`, of which only `inside` is to be asked: as a march sees it, but told without any derivative, by the orbit of
+    /// a point beside.
+    Truth,
     /// `gradient: vec3, trap: vec4`: the field's direction of growth, and the least distances of the orbit to the origin
     /// and the planes x, y and z.
     Surface,

@@ -1,13 +1,12 @@
 //! One orbit: start values and iterations with their derivatives. What the end state says is the module `estimate`'s.
 
-use super::choose::MEASURED_CYCLE;
-use super::footprint::can_follow_footprint;
+use super::footprint::{SHARE_OF_TRUTH, can_follow_footprint, trusts_rules};
 use super::levels::Joined;
 use super::maps::{Memory, Moved, apply, apply_all, fixed_constant, remembering};
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
-use crate::graph::{Constant, DeForm, IterationMap, Method, NodeRef, OrbitSettings, resolve_schedule};
+use crate::graph::{Constant, IterationMap, Method, NodeRef, OrbitSettings, resolve_schedule};
 use crate::kernel::{EstimatorInputs, Orbit};
 
 /// What an orbit carries besides z.
@@ -38,16 +37,23 @@ impl Carried {
     pub(super) const NOTHING: Carried =
         Carried { scalar: false, jacobian: false, along: false, shifted: Shifted::None, traps: false };
 
-    /// What the method needs, and in marches what tells of the footprint.
+    /// What the method needs, and what tells of the footprint: in marches the scalar rules where they are to be trusted, else the
+    /// derivative along the ray.
     pub(super) fn of(choice: &Choice, purpose: Purpose) -> Carried {
-        let carried = Carried::by_method(choice, purpose);
-        let grows = carried.scalar || carried.jacobian || carried.along;
-        if grows || !can_follow_footprint(choice, purpose) {
+        let mut carried = Carried::by_method(choice, purpose);
+        if !can_follow_footprint(choice, purpose) {
             return carried;
         }
-        let scalar = choice.applicable.contains(&Method::Scalar);
-        let along = !scalar && choice.applicable.contains(&Method::Directional);
-        Carried { scalar, along, ..carried }
+        if purpose == Purpose::Truth {
+            return Carried { shifted: Shifted::Ray, ..Carried::NOTHING };
+        }
+        let trusts = trusts_rules(choice);
+        let tells = carried.jacobian || carried.along || carried.scalar && trusts;
+        if !tells {
+            carried.scalar |= trusts && choice.applicable.contains(&Method::Scalar);
+            carried.along = choice.differentiable && !(carried.scalar && trusts);
+        }
+        carried
     }
 
     fn by_method(choice: &Choice, purpose: Purpose) -> Carried {
@@ -222,7 +228,8 @@ pub(super) fn compose_orbit(
     let mut carried = Carried::of(choice, purpose);
     carried.traps &= composer.graph.look.reads_traps();
     let builder = OrbitBuilder { composer, settings, root, frame, width, carried, choice, purpose };
-    match choice.method.is_certified() && purpose != Purpose::Surface {
+    let is_proof = choice.method.is_certified() && purpose != Purpose::Surface;
+    match is_proof && !(purpose == Purpose::Truth && builder.follows_footprint()) {
         true => super::certified::compose_certified(&builder, name),
         false => builder.build(name),
     }
@@ -241,7 +248,7 @@ pub(super) struct OrbitBuilder<'a> {
 }
 
 impl<'a> OrbitBuilder<'a> {
-    fn build(&self, name: String) -> ComposeResult<Orbit> {
+    pub(super) fn build(&self, name: String) -> ComposeResult<Orbit> {
         let (maps, schedule) =
             resolve_schedule(self.composer.graph, self.root, self.settings.constant, self.settings.max_iterations);
         let (start, constants) = self.start()?;
@@ -279,6 +286,7 @@ impl<'a> OrbitBuilder<'a> {
     pub(super) fn start(&self) -> ComposeResult<(State<'a>, Constants<'a>)> {
         let arena = self.composer.arena;
         let EstimatorInputs { p, d, h, hit_eps } = EstimatorInputs::new(arena);
+        let h = if self.purpose == Purpose::Truth { hit_eps * SHARE_OF_TRUTH } else { h };
         let offsets = match self.carried.shifted {
             Shifted::None => Vec::new(),
             Shifted::Axes => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|axis| arena.v3(axis)).to_vec(),
@@ -362,8 +370,13 @@ impl<'a> OrbitBuilder<'a> {
         let along = constants.along.map(|e| keep("c_along", e));
         let c = keep("c", constants.c);
         let dc = keep("dc", constants.dc);
-        let h = if self.carried.shifted == Shifted::None { constants.h } else { freeze("h", constants.h) };
-        let hit_eps = if self.follows_footprint() { freeze("hit_eps", constants.hit_eps) } else { constants.hit_eps };
+        let reads_h = self.carried.shifted != Shifted::None && self.purpose != Purpose::Truth;
+        let h = if reads_h { freeze("h", constants.h) } else { constants.h };
+        let hit_eps = if self.follows_footprint() && self.purpose != Purpose::Truth {
+            freeze("hit_eps", constants.hit_eps)
+        } else {
+            constants.hit_eps
+        };
         (init, frozen, Constants { c, dc, rows, along, shifted, h, hit_eps })
     }
 
@@ -426,54 +439,4 @@ impl<'a> OrbitBuilder<'a> {
     pub(super) fn apply_all(&self, nodes: &[NodeRef], moved: Moved<'a>, c: Expr<'a>) -> ComposeResult<Moved<'a>> {
         apply_all(self.composer, nodes, moved, c)
     }
-}
-
-/// A function that maps z to r after one cycle of the schedule without its constants: how orbits grow far out. Also gives
-/// the number of iterations in it: 16 at most.
-pub fn compose_growth(
-    composer: &Composer,
-    root: NodeRef,
-    settings: &OrbitSettings,
-) -> ComposeResult<(Function, usize)> {
-    let width = composer.graph.state_width(root, settings);
-    let (maps, schedule) = resolve_schedule(composer.graph, root, settings.constant, settings.max_iterations);
-    let mut function = Function::new("growth", vec![Port::new("z", Type::F.with_width(width))]);
-    let z = composer.arena.input(0, Type::F.with_width(width));
-    let n = composer.arena.f(0.0);
-    let mut moved = Moved { z, dr: None };
-    let mut memory = Memory::nothing(composer, root, moved);
-    for item in schedule.cycle.iter().take(MEASURED_CYCLE) {
-        moved = apply(composer, &maps[*item].map, moved, z.lift(0.0), n, &mut memory)?;
-    }
-    function.output("r", moved.z.length());
-    Ok((function, schedule.cycle.len().min(MEASURED_CYCLE)))
-}
-
-/// A kernel that says `inside` for points of an orbit's own frame.
-pub(super) fn compose_membership(
-    composer: &Composer,
-    root: NodeRef,
-    settings: &OrbitSettings,
-) -> ComposeResult<crate::kernel::Kernel> {
-    let choice = Choice::default();
-    let frame = Frame::default();
-    let width = composer.graph.state_width(root, settings);
-    let is_shape = settings.shape.is_some();
-    let choice = Choice { form: if is_shape { DeForm::End } else { choice.form }, ..choice };
-    let carried = Carried::NOTHING;
-    let purpose = Purpose::Estimate;
-    let builder = OrbitBuilder { composer, settings, root, frame: &frame, width, carried, choice: &choice, purpose };
-    let orbit = builder.build("membership".to_string())?;
-    let mut inputs = crate::kernel::Estimator::inputs();
-    inputs.extend(orbit.finish.output_ports());
-    inputs.push(Port::new("inside", Type::B));
-    inputs.push(Port::new("n", Type::F));
-    let mut combine = Function::new("combine", inputs);
-    let mut inside = composer.arena.input((combine.inputs.len() - 2) as u16, Type::B);
-    if is_shape {
-        let de = composer.arena.input(crate::kernel::Estimator::inputs().len() as u16, Type::F);
-        inside = inside.and(de.lt(composer.arena.f(0.0)));
-    }
-    combine.output("inside", inside);
-    Ok(crate::kernel::Kernel::Estimate(crate::kernel::Estimator { orbits: vec![orbit], combine }))
 }

@@ -199,7 +199,9 @@ impl Truths {
             let Some(truth) = self.depths[i].depth() else { continue };
             let error = end.depth().map_or(f64::INFINITY, |t| (t - truth) / self.scale.footprint(truth));
             missed[usize::from(self.thick[i])] += usize::from(error > BEHIND_FOOTPRINTS);
-            judged.disproven += usize::from(error > BEHIND_FOOTPRINTS && !end.undecided);
+            // Proofs speak of the set itself, not of what a pixel shows of it.
+            let passed = || self.members().inside(&[point(self.rays[i], truth)], &[0.0])[0];
+            judged.disproven += usize::from(error > BEHIND_FOOTPRINTS && !end.undecided && passed());
             errors.push(error.abs());
         }
         let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;

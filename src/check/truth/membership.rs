@@ -5,9 +5,10 @@ use crate::expr::{Arena, Function, NodeId, Port};
 use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
 use crate::kernel::{Backend, Estimator, Kernel, Orbit};
 
-/// The estimator of the whole field with `inside` as its only output: no derivative is carried.
-pub fn compose_membership(composer: &Composer, choices: &[Choice]) -> ComposeResult<Kernel> {
-    let mut estimator = compose_estimator(composer, choices, Purpose::Estimate)?;
+/// The estimator of the whole field with `inside` as its only output: no derivative is carried. It is that of
+/// [`Purpose::Estimate`] or of [`Purpose::Truth`].
+pub fn compose_membership(composer: &Composer, choices: &[Choice], purpose: Purpose) -> ComposeResult<Kernel> {
+    let mut estimator = compose_estimator(composer, choices, purpose)?;
     let arena = composer.arena;
     let combine = &mut estimator.combine;
     combine.outputs.retain(|(port, _)| port.name == "inside");
@@ -64,6 +65,9 @@ fn cut(arena: &Arena, orbit: &mut Orbit) {
     }
 }
 
+/// A unit vector that is no map's own.
+const BESIDE: [f64; 3] = [0.48, 0.6, 0.64];
+
 /// A formula's membership, ready to run in f64.
 pub struct Members {
     cpu: Cpu,
@@ -71,18 +75,28 @@ pub struct Members {
 }
 
 impl Members {
-    /// Compiles the membership of a field.
+    /// Compiles the membership of a field: what `max_iterations` says exactly.
     pub fn new(composer: &Composer, choices: &[Choice]) -> ComposeResult<Members> {
+        Members::of(composer, choices, Purpose::Estimate)
+    }
+
+    /// The same at the resolution of the hit thresholds: a point also belongs to the set where its orbit and that of a point
+    /// a 1024th of the threshold away have come as far apart as the set is wide. With a threshold of 0 it is exact.
+    pub fn at_footprint(composer: &Composer, choices: &[Choice]) -> ComposeResult<Members> {
+        Members::of(composer, choices, Purpose::Truth)
+    }
+
+    fn of(composer: &Composer, choices: &[Choice], purpose: Purpose) -> ComposeResult<Members> {
         let cpu = Cpu::new(Precision::F64);
-        let kernel = compose_membership(composer, choices)?;
+        let kernel = compose_membership(composer, choices, purpose)?;
         let kernel = cpu.prepare(composer.arena, &kernel).expect("the CPU takes every kernel");
         Ok(Members { cpu, kernel })
     }
 
     /// For each point of the world whether its orbit stays in. `eps` are hit thresholds, which say how thick shells are.
     pub fn inside(&self, points: &[[f64; 3]], eps: &[f64]) -> Vec<bool> {
-        // Membership asks neither for the ray's direction nor for a step of finite differences.
-        let mut columns = Estimator::columns(points, &[[1.0, 0.0, 0.0]], &[1e-6], 0.0);
+        // Where the point beside is: along no axis, since maps may leave a direction as it is.
+        let mut columns = Estimator::columns(points, &[BESIDE], &[1e-6], 0.0);
         columns.pop();
         columns.push(eps.to_vec());
         let columns = self.cpu.upload(&columns).expect("the CPU holds every column");

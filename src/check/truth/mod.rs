@@ -134,7 +134,7 @@ impl Truths {
         scale: Scale,
         progress: &mut dyn FnMut(f64) -> bool,
     ) -> ComposeResult<Truths> {
-        let members = Members::new(composer, choices)?;
+        let members = Members::at_footprint(composer, choices)?;
         let walker = Walker { members: &members, scale };
         let depths = walker.settle(rays, progress);
         let rays = rays[..depths.len()].to_vec();
