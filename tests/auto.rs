@@ -122,6 +122,14 @@ fn bulbs_keep_the_budget() {
     complaints(systems, 202);
 }
 
+/// Users of other programs ask for hundreds of iterations. Measured against what is left of the set then, which is dust, all stops
+/// were early.
+#[test]
+fn limits_beyond_what_a_pixel_resolves_keep_the_budget() {
+    let with = |name: &str| Formula::with(name, &[("max_iterations", "250")]).unwrap().without_calibration();
+    complaints(["menger", "mandelbox", "mandelbulb", "box_bulb"].map(|name| (name.to_string(), with(name))), 606);
+}
+
 #[test]
 fn boxes_keep_the_budget() {
     let boxed = |scale: f64, iterations: u32| {

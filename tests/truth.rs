@@ -399,3 +399,50 @@ fn the_command_takes_rays_from_a_file() {
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("ray 1 has a direction of length 0"));
 }
+
+/// Beyond what a pixel resolves more iterations leave the truth where it is. Members of what 200 iterations leave are dust, and no
+/// fixed steps meet any of it on the sponge and the box.
+#[test]
+fn more_iterations_than_a_pixel_resolves_move_no_truth() {
+    for name in ["menger", "mandelbox", "mandelbulb"] {
+        let [low, high] = ["30", "200"].map(|limit| {
+            let formula = Formula::with(name, &[("max_iterations", limit)]).unwrap();
+            truths(&formula, 300)
+        });
+        assert!(low.counts()[0] > 80, "{name}: {:?}", low.counts());
+        let pairs = low.depths.iter().zip(&high.depths);
+        let agree = pairs.filter(|(a, b)| match (a.depth(), b.depth()) {
+            (Some(a), Some(b)) => (a - b).abs() < 0.1 * low.scale.footprint(a),
+            (a, b) => a == b,
+        });
+        let agree = agree.count();
+        assert!(agree >= 297, "{name}: {agree} of 300 rays agree; {:?} and {:?}", low.counts(), high.counts());
+    }
+    let formula = Formula::with("menger", &[("max_iterations", "200")]).unwrap();
+    let (truths, limit) = (truths(&formula, 300), Limit::menger());
+    for (ray, truth) in truths.rays.iter().zip(&truths.depths) {
+        let Some(t) = truth.depth() else { continue };
+        let distance = limit.distance(point(*ray, t));
+        assert!(distance < 0.01 * truths.scale.footprint(t), "{ray:?}: {distance} at {t}");
+    }
+}
+
+/// With thresholds of 0 membership is what the iterations say.
+#[test]
+fn membership_at_the_footprint_is_exact_for_a_threshold_of_0() {
+    let formula = Formula::with("menger", &[("max_iterations", "12")]).unwrap();
+    let subject = formula.subject();
+    let (composer, choices) = (subject.composer(), &subject.plan.choices);
+    let exact = Members::new(&composer, choices).unwrap_or_else(|e| panic!("{}", e.message));
+    let shown = Members::at_footprint(&composer, choices).unwrap_or_else(|e| panic!("{}", e.message));
+    let mut random = Random::new(8);
+    // Points just beside the corner (1, 1, 1), which belongs to the sponge.
+    let near = |random: &mut Random| random.in_ball(1e-3).map(|x| 1.0 - x.abs());
+    let points: Vec<[f64; 3]> = (0..300).map(|_| near(&mut random)).collect();
+    let members = |members: &Members, eps: f64| members.inside(&points, &vec![eps; points.len()]);
+    assert_eq!(members(&exact, 0.0), members(&shown, 0.0));
+    assert_eq!(members(&exact, 0.01), members(&exact, 0.0));
+    let count = |of: Vec<bool>| of.into_iter().filter(|inside| *inside).count();
+    let (few, many) = (count(members(&exact, 0.0)), count(members(&shown, 0.01)));
+    assert!(few < many, "{few} points are members, {many} are with a threshold of 0.01");
+}

@@ -58,8 +58,9 @@ impl<'a> OrbitBuilder<'a> {
     /// the image covers.
     fn is_resolved(&self, state: &State<'a>, hit_eps: Expr<'a>) -> Expr<'a> {
         if let (Purpose::Truth, Some(beside)) = (self.purpose, state.shifted.first()) {
+            let extent_sq = self.composer.arena.f(self.choice.extent * self.choice.extent);
             let away = *beside - state.z;
-            return away.lift(self.choice.extent * self.choice.extent).lt(away.dot(away));
+            return extent_sq.lt(away.dot(away));
         }
         let reach = COVERS * self.choice.extent;
         if let Some(dr) = state.dr.filter(|_| trusts_rules(self.choice)) {

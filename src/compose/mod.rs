@@ -46,8 +46,8 @@ pub enum Purpose {
     Proof,
     /// The same for a march, whose orbits end where their detail is below the hit threshold: what is resolved is inside.
     March,
-    /// `de, inside`, of which only `inside` is to be asked: as a march sees it, but told without any derivative, by the orbit of
-    /// a point beside.
+    /// `de, inside`, of which only `inside` is to be asked: as a march sees it, but told without any derivative, by the orbit
+    /// of a point beside.
     Truth,
     /// `gradient: vec3, trap: vec4`: the field's direction of growth, and the least distances of the orbit to the origin
     /// and the planes x, y and z.

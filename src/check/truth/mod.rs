@@ -1,7 +1,7 @@
 //! Depths found without any estimate, and what estimates are worth beside them.
 //!
 //! In come rays and a formula; out come [`Truths`]: for each ray the first point whose orbit does not escape within
-//! `max_iterations`, found by fixed small steps and bisection in f64, halving the step until the answer stands still.
+//! `max_iterations`, or whose detail is below a pixel before that ([`Members::at_footprint`]), found by fixed small steps and bisection in f64, halving the step until the answer stands still.
 //! Rays where it does not are [`Truth::Ambiguous`] and judge no estimate. The same truths then judge any number of
 //! marches ([`march_rays`], [`Truths::judge`]): method, form, step multiplier, precision and back end are the caller's.
 //!
@@ -43,7 +43,8 @@ pub enum Truth {
     Hit(f64),
     /// Nowhere in the bounding sphere.
     Miss,
-    /// Finer steps kept changing the answer: the ray grazes the set or meets dust.
+    /// Finer steps kept changing the answer: the ray grazes the set or meets dust. Or it is on no member, but so near to a hair of
+    /// them that a pixel could not tell; who passes that is not wrong, nor who stops.
     Ambiguous,
 }
 
@@ -136,8 +137,9 @@ impl Truths {
     ) -> ComposeResult<Truths> {
         let members = Members::at_footprint(composer, choices)?;
         let walker = Walker { members: &members, scale };
-        let depths = walker.settle(rays, progress);
+        let mut depths = walker.settle(rays, progress);
         let rays = rays[..depths.len()].to_vec();
+        walker.leave_hairs(&rays, &mut depths);
         let thick = walker.thick(&rays, &depths);
         Ok(Truths { rays, depths, thick, scale, members })
     }

@@ -5,6 +5,7 @@
 
 use super::membership::Members;
 use super::{Ray, Scale, Truth, point};
+use crate::check::random::Random;
 use crate::check::subject::sphere_range;
 
 /// Samples of a ray that are tried at once, and rays that are walked at once.
@@ -16,6 +17,12 @@ const LEVELS: u32 = 5;
 const STEP: f64 = 0.5;
 /// Halvings of the step around a crossing: down to 1/4096 of a footprint.
 const BISECTIONS: usize = 10;
+
+/// Points within a hit threshold of a hit, and one in so many of them that must belong to the set at the footprint. Of a power-2 bulb
+/// that jumps on its axis 10 of 12 hits with no member had fewer, one to eight of 256; of the sponge none, of the Mandelbox with 250 iterations,
+/// where no hit has a member, a fifth.
+const AROUND: usize = 256;
+const SPARSE: usize = 28;
 
 /// A brute-force march.
 pub(super) struct Walker<'a> {
@@ -177,6 +184,27 @@ impl Walker<'_> {
             // The sample stays the limit of later levels: between it and the crossing all of this level's are known.
             let depth = self.depth(b);
             paths[i].first = paths[i].first.map(|(u, _)| (u, depth));
+        }
+    }
+
+    /// Makes hits ambiguous that are on no member and have few points of the set at the footprint around them.
+    pub(super) fn leave_hairs(&self, rays: &[Ray], truths: &mut [Truth]) {
+        let mut random = Random::new(1);
+        for (ray, truth) in rays.iter().zip(truths) {
+            let Some(t) = truth.depth() else { continue };
+            let (at, eps) = (point(*ray, t), t * self.scale.pixel_radius);
+            if self.members.inside(&[at], &[0.0])[0] {
+                continue;
+            }
+            let mut near = || {
+                let offset = random.in_ball(eps);
+                [0, 1, 2].map(|i| at[i] + offset[i])
+            };
+            let around: Vec<[f64; 3]> = (0..AROUND).map(|_| near()).collect();
+            let inside = self.members.inside(&around, &[eps; AROUND]);
+            if inside.into_iter().filter(|inside| *inside).count() < AROUND / SPARSE {
+                *truth = Truth::Ambiguous;
+            }
         }
     }
 
