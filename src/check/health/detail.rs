@@ -1,4 +1,4 @@
-//! The iteration limit against a pixel's footprint: iterations that no pixel shows, and surfaces that are dust.
+//! The iteration limit against a pixel's footprint: iterations that no pixel shows.
 
 use super::{Finding, Health, Kind, Severity};
 use crate::check::subject::Subject;
@@ -15,11 +15,7 @@ const FEW: usize = 20;
 /// An iteration is not seen where it changes fewer than this share of the hits by a quarter of a footprint.
 const UNSEEN: f64 = 0.02;
 const QUARTER: f64 = 0.25;
-/// A surface is dust where more than this share of the hits is thinner than half a pixel or ambiguous.
-const DUST: f64 = 0.5;
-/// The share that a better limit leaves.
-const CLEAN: f64 = 0.25;
-/// Iterations by which the limit is lowered at most to find a better one.
+/// Iterations by which the limit is lowered at most.
 const LOWER: u32 = 12;
 
 /// The truth of a view with other iteration limits.
@@ -38,12 +34,6 @@ impl View<'_> {
     fn with_fewer(&self, fewer: u32) -> Result<Truths, Diagnostic> {
         self.truths(&self.subject.graph.with_orbit_settings(|settings| settings.max_iterations -= fewer))
     }
-}
-
-/// The share of the hits that are thinner than half a pixel, or changed with every finer step.
-fn dust(truths: &Truths) -> f64 {
-    let [hits, _, ambiguous] = truths.counts();
-    (truths.thin() + ambiguous) as f64 / (hits + ambiguous).max(1) as f64
 }
 
 /// The share of the hits of either that the other has not within a quarter of a footprint.
@@ -71,51 +61,31 @@ pub(super) fn check_iterations(subject: &Subject, size: Size, health: &mut Healt
     let view = View { subject, rays: view_rays(&camera, size, RAYS, 9), scale };
     let full = view.truths(subject.graph)?;
     let [hits, misses, ambiguous] = full.counts();
-    let share = dust(&full);
     let pixels = format!("{}x{}", size.width, size.height);
-    health.measure(
-        "picture",
-        "rays",
-        format!("{hits} hits, {misses} misses, {ambiguous} ambiguous; {:.0} % dust at {pixels}", 100.0 * share),
-    );
+    health.measure("picture", "rays", format!("{hits} hits, {misses} misses, {ambiguous} ambiguous at {pixels}"));
     if hits + ambiguous < FEW {
         health.measure("picture", "iterations", "too few rays hit to say");
         return Ok(());
     }
     let lowest = LOWER.min(least.saturating_sub(1));
-    let mut found = |message: String, help: String| {
-        let span = subject.graph.node(subject.graph.output).span;
-        let (severity, kind, subject) = (Severity::Warning, Kind::Iterations, "picture".to_string());
-        health.findings.push(Finding { severity, kind, subject, message, help, span, point: None });
-    };
     let mut unseen = 0;
-    let mut cleaner = None;
-    for fewer in 1..=lowest {
-        let other = view.with_fewer(fewer)?;
-        if unseen == fewer - 1 && change(&full, &other) < UNSEEN {
-            unseen = fewer;
-        } else if share <= DUST {
-            break;
-        }
-        if share > DUST && dust(&other) <= CLEAN {
-            cleaner = Some(fewer);
-            break;
-        }
+    while unseen < lowest && change(&full, &view.with_fewer(unseen + 1)?) < UNSEEN {
+        unseen += 1;
     }
     if unseen > 0 {
-        let message = format!("the last {unseen} of {most} iterations change nothing that a pixel shows at {pixels}");
-        found(message, format!("`max_iterations: {}` gives the same picture sooner", most - unseen));
-    }
-    if share > DUST {
-        let message = format!(
-            "{:.0} % of the hits at {pixels} are thinner than half a pixel: the surface is turning to dust",
-            100.0 * share
-        );
-        let help = match cleaner {
-            Some(fewer) => format!("`max_iterations: {}` keeps it closed; a larger picture shows more", most - fewer),
-            None => "lower `max_iterations`, or render a larger picture".to_string(),
-        };
-        found(message, help);
+        let which = if unseen == lowest { format!("{unseen} or more") } else { unseen.to_string() };
+        health.findings.push(Finding {
+            severity: Severity::Note,
+            kind: Kind::Iterations,
+            subject: "picture".to_string(),
+            message: format!("the last {which} of {most} iterations change nothing that a pixel shows at {pixels}"),
+            help: format!(
+                "a render leaves them out by itself; exported shaders are as good and faster with `max_iterations: {}`",
+                most - unseen
+            ),
+            span: subject.graph.node(subject.graph.output).span,
+            point: None,
+        });
     }
     let text = match unseen {
         0 => format!("{most}; the last one shows"),
