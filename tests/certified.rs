@@ -255,7 +255,8 @@ fn rules_that_outgrow_their_orbits_stop_nothing_early() {
     }
 }
 
-/// Where proofs stop is where the set is as a pixel shows it, however many iterations are asked for.
+/// Where proofs stop is where the set is as a pixel shows it, however many iterations are asked for. Orbits that go on to the limit
+/// take hundreds of estimates a ray of the sponge and the box.
 #[test]
 fn proofs_stop_at_the_footprint() {
     for name in ["menger", "mandelbox", "mandelbulb"] {
@@ -266,7 +267,7 @@ fn proofs_stop_at_the_footprint() {
             let judged = truth::judge(&formula.subject(), 300, &settings).unwrap();
             assert!(judged.hits > 60 && judged.missed == 0.0, "{name} with {}: {judged:?}", method.name());
             assert!(judged.early < 0.05 && judged.disproven == 0, "{name} with {}: {judged:?}", method.name());
-            assert!(judged.median_error < 0.1 && judged.estimates < 60.0, "{name} with {}: {judged:?}", method.name());
+            assert!(judged.median_error < 0.1 && judged.estimates < 120.0, "{name} with {}: {judged:?}", method.name());
         }
     }
 }
