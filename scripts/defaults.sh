@@ -1,7 +1,7 @@
-#!/usr/bin/env bash
+#!/bin/sh
 # Writes docs/defaults.md: missed hits against brute force with every built-in fractal's default.
 #   scripts/defaults.sh [RAYS]
-set -euo pipefail
+set -eu
 cd "$(dirname "$0")/.."
 rays=${1:-1500}
 bulbfold=${BULBFOLD:-target/release/bulbfold}
