@@ -425,7 +425,7 @@ fn iterations_that_no_pixel_shows_cost_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let carried =
         [("mandelbulb", "gradient"), ("mandelbulb", "jacobian"), ("mandelbox", "scalar"), ("box_bulb", "combined")];
-    // By a derivative that is carried for that alone: the scalar rules', or along the ray for mandelbox_smooth, whose rules
+    // By a derivative that is carried for that alone: the scalar rules', or along the ray for gnarled_box, whose rules
     // grow faster than its orbits.
     let beside = [
         ("menger", "certified-ball"),
@@ -433,9 +433,9 @@ fn iterations_that_no_pixel_shows_cost_nothing() {
         ("box_bulb", "certified"),
         ("mandelbox", "certified"),
         ("mandelbox", "delta"),
-        ("mandelbox_smooth", "delta"),
-        ("mandelbox_smooth", "scalar"),
-        ("mandelbox_smooth", "certified"),
+        ("gnarled_box", "delta"),
+        ("gnarled_box", "scalar"),
+        ("gnarled_box", "certified"),
     ];
     for (name, method) in carried.into_iter().chain(beside) {
         let [low, high] = ["20", "40"].map(|limit| {
