@@ -370,13 +370,8 @@ impl<'a> OrbitBuilder<'a> {
         let along = constants.along.map(|e| keep("c_along", e));
         let c = keep("c", constants.c);
         let dc = keep("dc", constants.dc);
-        let reads_h = self.carried.shifted != Shifted::None && self.purpose != Purpose::Truth;
-        let h = if reads_h { freeze("h", constants.h) } else { constants.h };
-        let hit_eps = if self.follows_footprint() && self.purpose != Purpose::Truth {
-            freeze("hit_eps", constants.hit_eps)
-        } else {
-            constants.hit_eps
-        };
+        let h = if self.carried.shifted == Shifted::None { constants.h } else { freeze("h", constants.h) };
+        let hit_eps = if self.follows_footprint() { freeze("hit_eps", constants.hit_eps) } else { constants.hit_eps };
         (init, frozen, Constants { c, dc, rows, along, shifted, h, hit_eps })
     }
 

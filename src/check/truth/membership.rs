@@ -81,7 +81,8 @@ impl Members {
     }
 
     /// The same at the resolution of the hit thresholds: a point also belongs to the set where the orbit of a point beside it,
-    /// a 1024th of the threshold away, has come as far from its own as the set is wide, which is still in the set's ball. With a threshold of 0 it is exact.
+    /// a 1024th of the threshold away, comes as far from its own as the set is wide before that has escaped. With a threshold
+    /// of 0 it is exact.
     pub fn at_footprint(composer: &Composer, choices: &[Choice]) -> ComposeResult<Members> {
         Members::of(composer, choices, Purpose::Truth)
     }

@@ -1,8 +1,8 @@
 //! Depths found without any estimate, and what estimates are worth beside them.
 //!
 //! In come rays and a formula; out come [`Truths`]: for each ray the first point whose orbit does not escape within
-//! `max_iterations`, or whose detail is below a pixel before that ([`Members::at_footprint`]), found by fixed small steps and bisection in f64, halving the step until the answer stands still.
-//! Rays where it does not are [`Truth::Ambiguous`] and judge no estimate. The same truths then judge any number of
+//! `max_iterations`, or whose detail is below a pixel before that ([`Members::at_footprint`]), found by fixed small steps
+//! and bisection in f64, halving the step until the answer stands still. Rays where it does not are [`Truth::Ambiguous`] and judge no estimate. The same truths then judge any number of
 //! marches ([`march_rays`], [`Truths::judge`]): method, form, step multiplier, precision and back end are the caller's.
 //!
 //! Nothing here calls a distance estimate but the march that is judged. Where a limit set is known in closed form,
