@@ -37,9 +37,20 @@ impl<B: Backend> Renderer<'_, B> {
         sink: &mut dyn FnMut(Vec<u8>) -> bool,
         progress: &mut Progress,
     ) -> Result<bool, BackendError> {
+        self.render_rows_from(0, sink, progress)
+    }
+
+    /// [`Renderer::render_rows`] from row `first` on: the rows are the same as those of the whole picture. So a picture goes on
+    /// at its finished rows where a device failed. From the picture's height on there is nothing to do.
+    pub fn render_rows_from(
+        &mut self,
+        first: u32,
+        sink: &mut dyn FnMut(Vec<u8>) -> bool,
+        progress: &mut Progress,
+    ) -> Result<bool, BackendError> {
         let start = Instant::now();
         let mut stats = self.stats.clone();
-        let done = self.bands(sink, progress, &mut stats);
+        let done = self.bands(first, sink, progress, &mut stats);
         stats.render = start.elapsed();
         self.stats = stats;
         match done {
@@ -51,16 +62,18 @@ impl<B: Backend> Renderer<'_, B> {
 
     fn bands(
         &self,
+        first: u32,
         sink: &mut dyn FnMut(Vec<u8>) -> bool,
         progress: &mut Progress,
         stats: &mut Stats,
     ) -> Result<(), Halt> {
         let (width, height) = (self.size.width, self.size.height);
-        let meter = Meter::new(progress, f64::from(width) * f64::from(height), self.samples.len());
+        let left = f64::from(height.saturating_sub(first));
+        let meter = Meter::new(progress, f64::from(width) * left, self.samples.len());
         // Rows of a band, and those above and below it.
         let most = if self.samples.len() > 1 { height.min(self.cut.band.saturating_add(2)) } else { 0 };
-        let mut seen = Seen::new(width, most);
-        for y in (0..height).step_by(self.cut.band as usize) {
+        let mut seen = Seen::new(width, first.saturating_sub(1), most);
+        for y in (first..height).step_by(self.cut.band as usize) {
             let band = Tile { x: 0, y, width, height: self.cut.band.min(height - y) };
             let rgb = match self.samples.len() {
                 1 => self.only_pass(band, &meter, stats)?,

@@ -22,11 +22,11 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// No rows, before the first, and memory for so many.
-    pub(super) fn new(width: u32, most: u32) -> Seen {
+    /// No rows, before row `top`, and memory for so many.
+    pub(super) fn new(width: u32, top: u32, most: u32) -> Seen {
         // New memory is made ready by all threads.
         let pixels = (0..width as usize * most as usize).into_par_iter().map(|_| Sample::default()).collect();
-        Seen { width, top: 0, rows: 0, pixels }
+        Seen { width, top, rows: 0, pixels }
     }
 
     /// The row after the last.
