@@ -1,11 +1,13 @@
 //! `bulbfold import`: files of other programs as graph files.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use bulbfold::diag::{Diagnostic, Diagnostics};
+use bulbfold::exchange::import::encoding::{Decoded, MAX_BYTES, decode};
 use bulbfold::exchange::import::{Imported, LostKind, fragmentarium, mandelbulber};
 use bulbfold::formula::library::Library;
-use bulbfold::load::{load_text, read_text};
+use bulbfold::load::load_text;
 use clap::Args;
 
 use super::session::{check_output, talk, write_file};
@@ -61,9 +63,10 @@ fn read(arguments: &Arguments, session: &mut Session) -> Result<Imported, Failur
         return Err(usage(message, "settings of Mandelbulber 2 end in .fract, shaders of Fragmentarium in .frag"));
     }
     let mut d = Diagnostics::default();
-    let text = read_text(file, &mut d);
-    session.report(std::mem::take(&mut d))?;
-    let text = text.unwrap_or_default();
+    let Decoded { text, encoding } = read_bytes(file)?;
+    if let Some(encoding) = encoding {
+        talk(&format!("{} is not UTF-8; it is read as {encoding}", file.display()));
+    }
     let id = session.library.sources.add(file.display().to_string(), text.as_str());
     let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let sources = &session.library.sources;
@@ -73,6 +76,22 @@ fn read(arguments: &Arguments, session: &mut Session) -> Result<Imported, Failur
     };
     session.report(d)?;
     imported.ok_or_else(|| usage(format!("cannot import {}", file.display()), ""))
+}
+
+/// The text of a file in any encoding.
+fn read_bytes(file: &Path) -> Result<Decoded, Failure> {
+    let fail = |what: String| usage(format!("cannot read {}: {what}", file.display()), "");
+    let data = std::fs::metadata(file).map_err(|error| fail(error.to_string()))?;
+    if data.is_dir() {
+        return Err(fail("it is a folder".into()));
+    }
+    let mut bytes = Vec::new();
+    let opened = std::fs::File::open(file).map_err(|error| fail(error.to_string()))?;
+    opened.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|error| fail(error.to_string()))?;
+    if bytes.len() as u64 > MAX_BYTES {
+        return Err(fail(format!("it is larger than {} MiB", MAX_BYTES >> 20)));
+    }
+    Ok(decode(&bytes))
 }
 
 /// A graph that does not load is not written: some value is outside of what our steps take.

@@ -4,17 +4,22 @@
 //! out comes an [`Imported`]: the text of a graph file, and everything of the settings that it does not hold. Which formula
 //! becomes which steps is data: a [`table`] for each program, where a formula more is a row more.
 
+pub mod encoding;
 pub mod fragmentarium;
 pub mod mandelbulber;
 pub mod table;
 
 mod ask;
+mod looks;
+mod migrate;
 mod objects;
 mod place;
+mod scene;
 mod sequence;
 mod settings;
 mod shader;
 mod text;
+mod tree;
 mod value;
 mod view;
 
@@ -41,6 +46,8 @@ pub struct Lost {
 /// Kinds of lost parts, from what changes the shape to what changes nothing.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum LostKind {
+    /// Nothing is known of it: it may change everything.
+    Unknown,
     /// The shape is another one without it.
     Shape,
     /// Light, colour, effects, image and animation.
@@ -51,14 +58,15 @@ pub enum LostKind {
 
 impl LostKind {
     /// All kinds, in the order of reports.
-    pub const ALL: [LostKind; 3] = [LostKind::Shape, LostKind::Look, LostKind::Unread];
+    pub const ALL: [LostKind; 4] = [LostKind::Unknown, LostKind::Shape, LostKind::Look, LostKind::Unread];
 
     /// The heading in reports.
     pub const fn heading(self) -> &'static str {
         match self {
+            LostKind::Unknown => "warning: not known to this reader, so the shape may be another one",
             LostKind::Shape => "not carried over, and the shape depends on it",
             LostKind::Look => "not carried over: light, colour, effects, image and animation",
-            LostKind::Unread => "left out: the formulas of this file do not read it",
+            LostKind::Unread => "left out: the formulas of this file do not read it here",
         }
     }
 }

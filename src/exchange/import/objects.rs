@@ -43,7 +43,8 @@ pub fn joined(nodes: &[(usize, String)], main: &Section, d: &mut Diagnostics) ->
     node
 }
 
-fn join(a: &str, b: &str, operator: f64) -> String {
+/// Two nodes joined by an operator: 0 and, 1 or, 2 the first without the second, 3 the other way round.
+pub fn join(a: &str, b: &str, operator: f64) -> String {
     match operator as i32 {
         0 => format!("Intersection([{a}, {b}])"),
         2 => format!("Difference(a: {a}, b: {b})"),
@@ -71,30 +72,39 @@ pub fn with_primitives(
     let mut has_no_end = false;
     let mut shapes: Vec<(String, f64)> = Vec::new();
     for prefix in primitives(main) {
-        let of = |name: &str| format!("{prefix}_{name}");
-        if !main.switch(&of("enabled"), false, d) {
+        if !main.switch(&format!("{prefix}_enabled"), false, d) {
             continue;
         }
-        let kind = prefix.split('_').nth(1).unwrap_or_default();
-        let Some(shape) = shape(kind, &of, main, is_mirrored, d) else {
-            let what = format!("{prefix} (a {kind})");
-            lost.push(Lost {
-                kind: LostKind::Shape,
-                what,
-                why: "primitives here are solid planes, boxes, spheres, cylinders and tori".into(),
-            });
-            continue;
-        };
-        has_no_end |= kind == "plane" || is_open(kind, &of, main, d);
-        let position = main.vector(&of("position"), [0.0; 3], d);
-        let degrees = main.vector(&of("rotation"), [0.0; 3], d);
-        let operator = main.number(&of("boolean_operator"), 1.0, d);
+        let Some((shape, is_endless)) = primitive(&prefix, main, is_mirrored, lost, d) else { continue };
+        has_no_end |= is_endless;
+        let position = main.vector(&format!("{prefix}_position"), [0.0; 3], d);
+        let degrees = main.vector(&format!("{prefix}_rotation"), [0.0; 3], d);
+        let operator = main.number(&format!("{prefix}_boolean_operator"), 1.0, d);
         shapes.push((placed(&shape, position, degrees, 1.0, is_mirrored), operator));
     }
     for (shape, operator) in shapes {
         node = join(&node, &shape, operator);
     }
     (node, has_no_end)
+}
+
+/// A primitive at the origin, and whether it has no end; one without a counterpart is listed as lost.
+pub fn primitive(
+    prefix: &str,
+    main: &Section,
+    is_mirrored: bool,
+    lost: &mut Vec<Lost>,
+    d: &mut Diagnostics,
+) -> Option<(String, bool)> {
+    let of = |name: &str| format!("{prefix}_{name}");
+    let kind = prefix.split('_').nth(1).unwrap_or_default();
+    let Some(shape) = shape(kind, &of, main, is_mirrored, d) else {
+        let what = format!("{prefix} (a {kind})");
+        let why = "primitives here are solid planes, boxes, spheres, cylinders and tori".into();
+        lost.push(Lost { kind: LostKind::Shape, what, why });
+        return None;
+    };
+    Some((shape, kind == "plane" || is_open(kind, &of, main, d)))
 }
 
 /// Names of all primitives of the settings, such as `primitive_box_1`, in the order of the file.

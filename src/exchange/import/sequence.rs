@@ -14,8 +14,10 @@ const LOOKED_AT: u32 = 1000;
 
 /// A slot with a formula in it.
 pub struct Slot<'t> {
-    /// Its number, from 1.
+    /// Its number in the settings, from 1.
     pub number: usize,
+    /// Its place among those that take turns, from 1.
+    pub place: usize,
     /// The formula.
     pub row: &'t Row,
     /// The formula with the slot's settings.
@@ -33,11 +35,11 @@ pub struct Slot<'t> {
 }
 
 impl<'t> Slot<'t> {
-    /// Reads a slot's settings. In a hybrid the constant is common, in a Boolean file (`own`) each slot has its own.
+    /// Reads a slot's settings. In old hybrids the constant is common; where it is `own`, each slot has one of its own.
     pub fn new(
         (number, row): (usize, &'t Row),
         expanded: Expanded,
-        (main, mode): (&Section, Mode),
+        (main, mode, own): (&Section, Mode, bool),
         lost: &mut Vec<Lost>,
         d: &mut Diagnostics,
     ) -> Slot<'t> {
@@ -50,8 +52,18 @@ impl<'t> Slot<'t> {
         let count = whole(main.number(&of("formula_iterations"), 1.0, d));
         let start = whole(main.number(&of("formula_start_iteration"), 0.0, d));
         let stop = whole(main.number(&of("formula_stop_iteration"), 250.0, d));
-        let constant = constant((number, row), (main, mode), weight, lost, d);
-        Slot { number, row, expanded, name: String::new(), constant, weight, count, range: (start, stop) }
+        let constant = constant((number, row), (main, own), weight, lost, d);
+        Slot {
+            number,
+            place: number,
+            row,
+            expanded,
+            name: String::new(),
+            constant,
+            weight,
+            count,
+            range: (start, stop),
+        }
     }
 
     /// The slot's map as a node.
@@ -78,12 +90,12 @@ pub enum Mode {
 /// The constant of a slot.
 fn constant(
     (number, row): (usize, &Row),
-    (main, mode): (&Section, Mode),
+    (main, is_own): (&Section, bool),
     weight: f64,
     lost: &mut Vec<Lost>,
     d: &mut Diagnostics,
 ) -> String {
-    let own = |name: &str| if mode == Mode::Boolean { format!("{name}_{number}") } else { name.to_string() };
+    let own = |name: &str| if is_own { format!("{name}_{number}") } else { name.to_string() };
     let is_switched = main.switch(&format!("dont_add_c_constant_{number}"), false, d);
     let is_julia = main.switch(&own("julia_mode"), false, d);
     let julia = main.vector(&own("julia_c"), [0.0; 3], d);
@@ -115,24 +127,25 @@ fn constant(
 }
 
 /// Indices of the slots that run at iterations 0, 1, 2 ...: each slot in turn for its number of iterations, without those
-/// whose range does not hold the iteration; after the last (of nine) from slot `repeat_from` on.
-pub fn turns(slots: &[Slot], repeat_from: usize, iterations: u32) -> Vec<usize> {
+/// whose range does not hold the iteration; after the last (of nine or more) from slot `repeat_from` on.
+pub fn turns(slots: &[&Slot], repeat_from: usize, iterations: u32) -> Vec<usize> {
     let mut found = Vec::new();
     let (mut number, mut done) = (1, 0);
-    let next = |number: usize| if number >= 9 { repeat_from.clamp(1, 9) } else { number + 1 };
+    let last = slots.iter().map(|slot| slot.place).max().unwrap_or(1).max(9);
+    let next = |number: usize| if number >= last { repeat_from.clamp(1, last) } else { number + 1 };
     let runs = |number: usize, i: u32| {
-        slots.iter().position(|slot| slot.number == number && (slot.range.0..=slot.range.1).contains(&i))
+        slots.iter().position(|slot| slot.place == number && (slot.range.0..=slot.range.1).contains(&i))
     };
     for i in 0..iterations.min(LOOKED_AT) {
         done += 1;
-        for _ in 0..9 {
+        for _ in 0..last {
             if runs(number, i).is_some() {
                 break;
             }
             number = next(number);
         }
         // Where nothing may run the program runs the slot that it has come to.
-        let at = runs(number, i).or_else(|| slots.iter().position(|slot| slot.number == number)).unwrap_or(0);
+        let at = runs(number, i).or_else(|| slots.iter().position(|slot| slot.place == number)).unwrap_or(0);
         found.push(at);
         if done >= slots[at].count {
             (number, done) = (next(number), 0);

@@ -1,0 +1,41 @@
+//! Work of other programs in, formulas out, as users see it: the built program in a fresh folder.
+
+mod export;
+#[cfg(feature = "gpu")]
+mod export_gpu;
+mod fragmentarium;
+mod mandelbulber;
+mod refusals;
+mod versions;
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use bulbfold::check::Formula;
+
+pub fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
+    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("BULBFOLD_CACHE", "").stdin(Stdio::null());
+    command.output().expect("the program starts")
+}
+
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Imports a text under a name; returns the folder, the run and the name of the graph file.
+pub fn import(name: &str, text: &str, arguments: &[&str]) -> (tempfile::TempDir, Output) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join(name), text).unwrap();
+    let mut all = vec!["import", name, "-o", "out.ron"];
+    all.extend(arguments);
+    let output = bulbfold(folder.path(), &all);
+    (folder, output)
+}
+
+/// The formula that an import wrote.
+pub fn imported(name: &str, text: &str, arguments: &[&str]) -> Formula {
+    let (folder, output) = import(name, text, arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    Formula::open(folder.path().join("out.ron")).unwrap()
+}
