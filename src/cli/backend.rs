@@ -9,11 +9,17 @@ use super::arguments::{BackendArg, PrecisionArg};
 use super::session::talk;
 use super::{Failure, Session, message, usage};
 
+/// How often a lost device is opened again for one piece of work. A driver that loses it at the same place every time gives up
+/// soon, and the CPU takes over.
+#[cfg(feature = "gpu")]
+const MOST_REBUILDS: u32 = 2;
+
 /// Work that any back end can do.
 pub trait Job {
     /// What comes out.
     type Output;
-    /// Does it; may be called again on another back end if this one fails.
+    /// Does it; may be called again, on this back end opened anew or on another one, if this one fails, and then goes on at
+    /// what is done.
     fn run<B: Backend>(&mut self, backend: &B) -> Result<Self::Output, BackendError>;
 }
 
@@ -77,7 +83,29 @@ fn run_on_gpu<J: Job>(wanted: BackendArg, job: &mut J) -> Option<Result<(String,
         Err(error) => return Some(Err(error)),
     };
     let name = format!("gpu, f32, {}", gpu.adapter().name);
-    Some(job.run(&gpu).map(|output| (name, output)))
+    let (mut gpu, mut told) = (gpu, |error: &BackendError| talk(&format!("{error}; it is opened again")));
+    Some(with_rebuilds(&mut gpu, Gpu::rebuild, |gpu| job.run(gpu), &mut told).map(|output| (name, output)))
+}
+
+/// Work on a device that is opened anew where it is lost, up to [`MOST_REBUILDS`] times. The work goes on at what it has done.
+#[cfg(feature = "gpu")]
+fn with_rebuilds<D, T>(
+    device: &mut D,
+    rebuild: impl Fn(&mut D) -> Result<(), BackendError>,
+    mut work: impl FnMut(&D) -> Result<T, BackendError>,
+    told: &mut dyn FnMut(&BackendError),
+) -> Result<T, BackendError> {
+    for _ in 0..MOST_REBUILDS {
+        match work(device) {
+            Err(error @ BackendError::DeviceLost(_)) => {
+                told(&error);
+                // A device that cannot be opened any more is as lost as before.
+                rebuild(device).map_err(|_| error)?;
+            }
+            done => return done,
+        }
+    }
+    work(device)
 }
 
 #[cfg(not(feature = "gpu"))]
@@ -113,4 +141,41 @@ pub fn run_everywhere<J: Job>(job: &mut J) -> Vec<(String, Result<J::Output, Bac
         None => {}
     }
     results
+}
+
+#[cfg(all(test, feature = "gpu"))]
+mod tests {
+    use super::*;
+
+    fn lost() -> BackendError {
+        BackendError::DeviceLost("for a test".into())
+    }
+
+    /// The number of the device stands for what it was rebuilt to; work ends well on device `good`.
+    fn run(good: u32, error: BackendError) -> (Result<u32, BackendError>, u32, usize) {
+        let (mut device, mut told) = (0, 0);
+        let rebuild = |device: &mut u32| {
+            *device += 1;
+            Ok(())
+        };
+        let work = |device: &u32| if *device == good { Ok(*device) } else { Err(error.clone()) };
+        let done = with_rebuilds(&mut device, rebuild, work, &mut |_| told += 1);
+        (done, device, told)
+    }
+
+    #[test]
+    fn a_lost_device_is_opened_again_and_the_work_goes_on() {
+        assert_eq!(run(0, lost()), (Ok(0), 0, 0));
+        assert_eq!(run(2, lost()), (Ok(2), 2, 2));
+        assert_eq!(run(3, lost()), (Err(lost()), 2, 2));
+        let small = BackendError::OutOfMemory("for a test".into());
+        assert_eq!(run(1, small.clone()), (Err(small), 0, 0), "more of the same memory does not help");
+    }
+
+    #[test]
+    fn a_device_that_cannot_be_opened_again_is_lost() {
+        let none = |_: &mut u32| Err(BackendError::NoAdapter("gone".into()));
+        let done: Result<(), _> = with_rebuilds(&mut 0, none, |_| Err(lost()), &mut |_| {});
+        assert_eq!(done, Err(lost()));
+    }
 }
