@@ -9,9 +9,6 @@ use crate::formula::ron::{Limits, read_ron};
 use crate::graph::script::run_script;
 use crate::graph::{Override, PRESET, ValidGraph, expand_presets, read};
 
-/// Largest formula file, in bytes.
-const MAX_BYTES: u64 = 1 << 20;
-
 /// A formula ready to be composed.
 pub struct Loaded {
     /// The fractal.
@@ -23,10 +20,17 @@ pub struct Loaded {
 /// Loads `what`: a path, or the name of a built-in fractal where there is no such file. `set` holds pairs of a path such
 /// as `power` or `bulb.power` and a value in RON; the path `preset` asks for a preset of the file. Steps that lie beside the file are read too. Returns nothing when
 /// `d` has errors.
-pub fn load(library: &mut Library, what: &str, set: &[(String, String)], d: &mut Diagnostics) -> Option<Loaded> {
-    let path = Path::new(what);
+pub fn load(
+    library: &mut Library,
+    what: impl AsRef<Path>,
+    set: &[(String, String)],
+    d: &mut Diagnostics,
+) -> Option<Loaded> {
+    let path = what.as_ref();
+    // Only the names of files need not be UTF-8.
+    let what = path.to_string_lossy();
     let (name, text) = if path.exists() {
-        let text = read_text(path, d)?;
+        let text = read_text(library, path, d)?;
         if let Some(folder) = path.parent() {
             library.add_beside(folder, d);
         }
@@ -38,14 +42,14 @@ pub fn load(library: &mut Library, what: &str, set: &[(String, String)], d: &mut
     } else {
         let names = embedded::FRACTALS.iter().chain(embedded::SCRIPTS).map(|(name, _)| *name);
         let message = format!("there is no file and no built-in fractal `{what}`");
-        d.push(match library.step(what) {
+        d.push(match library.step(&what) {
             Some(step) => Diagnostic::error(format!("`{what}` is a step, not a fractal"))
                 .help(format!("use it as a node of a formula file: `nodes: {{ \"a\": {}() }}`", step.name))
                 .help(format!(
                     "`bulbfold explain {what}` says what it does, `bulbfold new NAME` writes a formula file"
                 )),
             None => {
-                Diagnostic::error(message).did_you_mean(what, names).help("`bulbfold list` shows the built-in ones")
+                Diagnostic::error(message).did_you_mean(&what, names).help("`bulbfold list` shows the built-in ones")
             }
         });
         return None;
@@ -93,25 +97,10 @@ fn changes_the_view(change: &Override) -> bool {
     !["estimate", "look"].contains(&field)
 }
 
-/// Reads a text file of at most 1 MiB; an error is pushed.
-pub fn read_text(path: &Path, d: &mut Diagnostics) -> Option<String> {
-    let fail = |text: String, d: &mut Diagnostics| {
-        d.push(Diagnostic::error(format!("cannot read {}: {text}", path.display())));
-        None
-    };
-    match std::fs::metadata(path) {
-        Ok(data) if data.is_dir() => return fail("it is a folder".into(), d),
-        Ok(data) if data.len() > MAX_BYTES => return fail(format!("it is larger than {MAX_BYTES} bytes"), d),
-        Ok(_) => {}
-        Err(error) => return fail(error.to_string(), d),
-    }
-    match std::fs::read(path) {
-        Ok(bytes) => match String::from_utf8(bytes) {
-            Ok(text) => Some(text),
-            Err(error) => fail(format!("byte {} is not UTF-8 text", error.utf8_error().valid_up_to()), d),
-        },
-        Err(error) => fail(error.to_string(), d),
-    }
+/// Reads a text file of at most 1 MiB, or a pipe; an error is pushed.
+pub fn read_text(library: &mut Library, path: &Path, d: &mut Diagnostics) -> Option<String> {
+    let text = library.read_named(path);
+    text.map_err(|error| d.push(Diagnostic::error(format!("cannot read {}: {error}", path.display())))).ok()
 }
 
 /// Reads `--set` values; a bare word or an expression may stand without quotes.

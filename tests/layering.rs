@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 const ORDER: &[&str] = &[
     "math",
     "diag",
+    "files",
     "expr",
     "formula",
     "graph",

@@ -15,6 +15,7 @@ use crate::check::Subject;
 use crate::check::truth::compose_membership;
 use crate::compose::{Purpose, field_orbits};
 use crate::diag::Diagnostic;
+use crate::files::{Chosen, MAX_TEXT, read_text};
 use crate::graph::print::listing;
 use crate::graph::{DeForm, Method, NodeKind};
 use crate::kernel::listing::listing as instructions;
@@ -113,12 +114,12 @@ pub fn write(path: &Path, calibration: &Calibration) -> std::io::Result<()> {
         "warnings": calibration.warnings,
         "evidence": calibration.evidence.iter().map(row_json).collect::<Vec<_>>(),
     });
-    crate::film::write_beside(path, format!("{text:#}\n").as_bytes())
+    crate::files::write(path, format!("{text:#}\n").as_bytes())
 }
 
 /// Reads a file; nothing where it is missing or is not what [`write()`] writes.
 pub fn read(path: &Path) -> Option<Entry> {
-    let value: Value = serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()?;
+    let value: Value = serde_json::from_str(&read_text(path, MAX_TEXT, Chosen::Found).ok()?).ok()?;
     let texts = value["warnings"].as_array()?.iter().map(|v| v.as_str().map(String::from));
     let rays = value["rays"].as_array()?;
     let count = |i: usize| rays.get(i).and_then(Value::as_u64).map(|n| n as usize);

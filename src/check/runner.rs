@@ -13,6 +13,7 @@ use super::subject::Subject;
 use super::truth::Budget;
 use crate::diag::{Diagnostics, Sources, Span};
 use crate::expr::Arena;
+use crate::files::{Chosen, MAX_TEXT, read_text};
 use crate::formula::library::Library;
 use crate::formula::step::{ScalarRule, Step};
 use crate::graph::{NodeKind, PRESET, Preset, ValidGraph};
@@ -96,7 +97,7 @@ fn find_files(path: &Path, files: &mut Vec<PathBuf>) {
 
 fn is_step(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "rhai")
-        && std::fs::read_to_string(path).is_ok_and(|text| crate::formula::shape::is_step_text(&text))
+        && read_text(path, MAX_TEXT, Chosen::Found).is_ok_and(|text| crate::formula::shape::is_step_text(&text))
 }
 
 /// A file's name below the folder that was asked for; the path as given where it is that file.
@@ -164,7 +165,7 @@ impl<'a> Runner<'a> {
             return self.step_file(library, file, name);
         }
         let mut d = Diagnostics::default();
-        match load(library, &file.display().to_string(), &[], &mut d) {
+        match load(library, file, &[], &mut d) {
             Some(loaded) => {
                 self.graph(library, &loaded.graph, name);
                 for preset in &loaded.graph.presets {
@@ -181,7 +182,7 @@ impl<'a> Runner<'a> {
         self.run(name.into(), place, || {
             let set = [(PRESET.to_string(), format!("{:?}", preset.name))];
             let mut d = Diagnostics::default();
-            let loaded = load(library, &file.display().to_string(), &set, &mut d);
+            let loaded = load(library, file, &set, &mut d);
             let loaded = loaded.ok_or_else(|| d.render(&library.sources, false))?;
             let arena = Rc::new(Arena::default());
             let subject = Subject::new(library, &loaded.graph, &arena).map_err(|error| rendered(error, library))?;
@@ -229,9 +230,10 @@ impl<'a> Runner<'a> {
 
     fn step_file(&mut self, library: &mut Library, file: &Path, name: &str) {
         let mut d = Diagnostics::default();
+        library.add_step_file(file, &mut d);
         library.add_beside(file.parent().unwrap_or(Path::new(".")), &mut d);
         let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let text = std::fs::read_to_string(file).unwrap_or_default();
+        let text = read_text(file, MAX_TEXT, Chosen::Found).unwrap_or_default();
         let step = library.step(&stem).filter(|step| library.sources.text(step.text) == text).cloned();
         match step {
             Some(step) => self.step(library, &step, name),

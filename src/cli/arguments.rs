@@ -1,5 +1,9 @@
 //! Arguments that several commands take, and how they are read.
 
+#[cfg(feature = "chart")]
+use std::path::Path;
+use std::path::PathBuf;
+
 use bulbfold::calibrate::Budget;
 use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, PRESET};
 use bulbfold::kernel::cpu::Precision;
@@ -246,7 +250,7 @@ fn parse_difference_step(text: &str) -> Result<DifferenceStep, String> {
 #[derive(Args, Clone, Debug)]
 pub struct FormulaArgs {
     /// Formula file (.ron), graph script (.rhai) or name of a built-in fractal
-    pub file: String,
+    pub file: PathBuf,
     #[command(flatten)]
     changes: ChangeArgs,
 }
@@ -254,8 +258,8 @@ pub struct FormulaArgs {
 impl FormulaArgs {
     /// A formula as it stands.
     #[cfg(feature = "chart")]
-    pub fn unchanged(file: &str) -> FormulaArgs {
-        FormulaArgs { file: file.to_string(), changes: ChangeArgs::default() }
+    pub fn unchanged(file: &Path) -> FormulaArgs {
+        FormulaArgs { file: file.to_path_buf(), changes: ChangeArgs::default() }
     }
 
     /// What is changed in the formula.

@@ -3,6 +3,7 @@
 mod report;
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -38,7 +39,7 @@ fastest run.")]
 pub struct Arguments {
     /// Formula files (.ron), graph scripts (.rhai) or names of built-in fractals
     #[arg(required = true, value_name = "FILE")]
-    files: Vec<String>,
+    files: Vec<PathBuf>,
     #[command(flatten)]
     changes: ChangeArgs,
     /// Columns and rows of the picture whose rays are marched

@@ -1,6 +1,7 @@
 //! `bulbfold calibrate`: which estimate `auto` takes for a formula's own view, and why.
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::rc::Rc;
 
 use bulbfold::expr::Arena;
@@ -26,7 +27,7 @@ says is calibrated, keeps all else in the text, and changes a file only where th
 pub struct Arguments {
     /// Formula files (.ron), graph scripts (.rhai) or names of built-in fractals
     #[arg(required = true, value_name = "FILE")]
-    pub(super) files: Vec<String>,
+    pub(super) files: Vec<PathBuf>,
     #[command(flatten)]
     changes: ChangeArgs,
     /// Write the choice into the formula files, and print a line for each
@@ -79,7 +80,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
             continue;
         }
         if arguments.files.len() > 1 {
-            writeln!(out, "{}{file}", if i > 0 { "\n" } else { "" })?;
+            writeln!(out, "{}{}", if i > 0 { "\n" } else { "" }, file.display())?;
         }
         write!(out, "{}", table(&calibration))?;
         if let Some(field) = pasted(&calibration) {

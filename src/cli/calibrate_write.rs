@@ -16,8 +16,8 @@ use bulbfold::load::{Loaded, load, load_text};
 
 use super::calibrate::Arguments;
 use super::calibration::options;
+use super::output::cannot_write;
 use super::progress::{Progress, short};
-use super::session::write_file;
 use super::{Failure, Outcome, Session, message, usage};
 
 /// Shares of the budget that are tried: a choice that keeps all of it on the rays that it was measured on may still break it
@@ -39,14 +39,13 @@ enum Written {
 /// Runs the command: a line for each file, then how many there were of each kind.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     for file in &arguments.files {
-        let path = Path::new(file);
-        if !path.is_file() || path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ron")) {
+        if !file.is_file() || file.extension().is_none_or(|e| !e.eq_ignore_ascii_case("ron")) {
             let help =
                 "give the paths of formula files (.ron); without --write, built-in names and scripts are fine too";
-            return Err(usage(format!("{file} is no formula file that could be written"), help));
+            return Err(usage(format!("{} is no formula file that could be written", file.display()), help));
         }
     }
-    let width = arguments.files.iter().map(|file| file.len()).max().unwrap_or(0).max(7);
+    let width = arguments.files.iter().map(|file| file.display().to_string().chars().count()).max().unwrap_or(0).max(7);
     writeln!(
         out,
         "{:<width$}  {:<24}{:>6}{:>9}{:>8}{:>9}{:>9}{:>8}{:>9}  written",
@@ -57,6 +56,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         let start = Instant::now();
         let written = write_one(arguments, session, file)?;
         let time = short(start.elapsed());
+        let file = file.display().to_string();
         match &written {
             Written::Changed(calibration) | Written::Same(calibration) => {
                 let is_new = matches!(written, Written::Changed(_));
@@ -102,9 +102,10 @@ fn read(session: &mut Session, name: &str, text: &str) -> Result<Loaded, String>
     loaded.ok_or_else(|| d.render(&session.library.sources, false))
 }
 
-fn write_one(arguments: &Arguments, session: &mut Session, file: &str) -> Result<Written, Failure> {
+fn write_one(arguments: &Arguments, session: &mut Session, path: &Path) -> Result<Written, Failure> {
     let mut d = Diagnostics::default();
-    let Some(loaded) = load(&mut session.library, file, &[], &mut d) else {
+    let file = &path.display().to_string();
+    let Some(loaded) = load(&mut session.library, path, &[], &mut d) else {
         return Ok(Written::Failed(d.render(&session.library.sources, false)));
     };
     let original = session.library.sources.text(loaded.text).to_string();
@@ -115,7 +116,7 @@ fn write_one(arguments: &Arguments, session: &mut Session, file: &str) -> Result
         }
         Ok(Some((text, calibration))) if text == original => Ok(Written::Same(Box::new(calibration))),
         Ok(Some((text, calibration))) => {
-            write_file(Path::new(file), &text)?;
+            bulbfold::files::write(path, text.as_bytes()).map_err(|error| cannot_write(path, &error))?;
             Ok(Written::Changed(Box::new(calibration)))
         }
         Err(why) => Ok(Written::Failed(why)),

@@ -13,7 +13,8 @@ use bulbfold::check::truth::Truths;
 use bulbfold::check::{Backends, Subject, Target};
 use bulbfold::compose::Plan;
 use bulbfold::expr::Arena;
-use bulbfold::film::{Image, write_beside};
+use bulbfold::files::{STDOUT, Target as Output};
+use bulbfold::film::Image;
 use bulbfold::graph::{Method, ValidGraph};
 use bulbfold::kernel::cpu::{Cpu, Precision};
 use bulbfold::render::{RenderSettings, Renderer, compose_pipeline};
@@ -21,8 +22,9 @@ use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
 use super::arguments::{BackendArg, ChangeArgs, PrecisionArg, parse_number, parse_size};
+use super::output::{self, Content, check_output};
 use super::progress::Progress;
-use super::session::{check_output, talk};
+use super::session::talk;
 use super::{Failure, Outcome, Session, message, usage};
 
 /// What is drawn.
@@ -48,7 +50,7 @@ The output's ending says what is written: .svg, .png or .csv.")]
 pub struct Arguments {
     /// Formula files (.ron), graph scripts (.rhai) or names of built-in fractals
     #[arg(required = true, value_name = "FILE")]
-    files: Vec<String>,
+    files: Vec<PathBuf>,
     /// The chart to write: .svg, .png or .csv [default: NAME.svg]
     #[arg(short, long, value_name = "OUT")]
     output: Option<PathBuf>,
@@ -118,13 +120,15 @@ struct Sheet {
 pub fn run(arguments: &Arguments, session: &mut Session) -> Outcome {
     let output = output_path(arguments);
     let format = format_of(&output)?;
-    check_output(&output, None)?;
+    let content = if format == Format::Png { Content::Bytes } else { Content::Text };
+    let target = check_output(&output, None, content)?;
     let backends = backends(arguments)?;
     let targets = targets(arguments, &backends);
     let mut graphs = Vec::new();
     for file in &arguments.files {
         graphs.push(session.load_solid(file, &arguments.changes.changes(), "`chart`")?);
     }
+    session.spare_inputs(&target)?;
     let mut progress = Progress::new(arguments.quiet);
     let mut sheets = Vec::new();
     for (i, graph) in graphs.iter().enumerate() {
@@ -134,8 +138,8 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Outcome {
         sheets.push(chart.sheet(&mut shown)?);
     }
     progress.finish();
-    write(arguments, &output, format, sheets)?;
-    if !arguments.quiet {
+    write(arguments, &target, format, sheets)?;
+    if !arguments.quiet && !target.is_stream() {
         talk(&output.display().to_string());
     }
     Ok(())
@@ -153,6 +157,7 @@ fn output_path(arguments: &Arguments) -> PathBuf {
 fn format_of(path: &Path) -> Result<Format, Failure> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     match ending.as_str() {
+        "" if path.as_os_str() == STDOUT => Ok(Format::Svg),
         "svg" => Ok(Format::Svg),
         "png" => Ok(Format::Png),
         "csv" => Ok(Format::Csv),
@@ -195,8 +200,8 @@ fn targets(arguments: &Arguments, backends: &Backends) -> Vec<Target> {
     targets
 }
 
-fn write(arguments: &Arguments, output: &Path, format: Format, sheets: Vec<Sheet>) -> Outcome {
-    let failed = |error: String| Failure::Work(message(&format!("cannot write {}: {error}", output.display()), ""));
+fn write(arguments: &Arguments, output: &Output, format: Format, sheets: Vec<Sheet>) -> Outcome {
+    let failed = |error: String| Failure::Work(message(&format!("cannot draw the chart: {error}"), ""));
     let header = match arguments.kind {
         Kind::Cost => cost::CSV_HEADER,
         Kind::StepSize => step_size::CSV_HEADER,
@@ -204,15 +209,15 @@ fn write(arguments: &Arguments, output: &Path, format: Format, sheets: Vec<Sheet
     };
     if format == Format::Csv {
         let lines: String = sheets.into_iter().map(|s| s.csv).collect();
-        return write_beside(output, format!("{header}\n{lines}").as_bytes()).map_err(|e| failed(e.to_string()));
+        return output::write(output, format!("{header}\n{lines}").as_bytes());
     }
     let mut drawings: Vec<Drawing> = sheets.into_iter().map(|s| s.drawing).collect();
     let drawing = if drawings.len() == 1 { drawings.remove(0) } else { Drawing::stack(drawings) };
     let written = match format {
-        Format::Svg => write_beside(output, svg(&drawing).map_err(failed)?.as_bytes()),
-        _ => raster(&drawing, f64::from(arguments.scale)).map_err(failed)?.write_png(output),
+        Format::Svg => output.write(svg(&drawing).map_err(failed)?.as_bytes()),
+        _ => raster(&drawing, f64::from(arguments.scale)).map_err(failed)?.write_png_to(output),
     };
-    written.map_err(|error| failed(error.to_string()))
+    written.map_err(|error| output::not_written(output, &error))
 }
 
 /// One formula's chart in the making.

@@ -8,6 +8,7 @@ use bulbfold::check::Subject;
 use bulbfold::check::health::{Finding, Health, Severity, check_formula, check_step};
 use bulbfold::diag::Diagnostics;
 use bulbfold::expr::Arena;
+use bulbfold::files::{Chosen, MAX_TEXT, read_text};
 use bulbfold::formula::step::Step;
 use bulbfold::shade::Size;
 use clap::Args;
@@ -60,21 +61,22 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 
 /// The step of that file or name, where it is one; nothing where it is a formula.
 fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Rc<Step>>, Failure> {
-    let path = Path::new(&formula.file);
+    let path = formula.file.as_path();
     let text = match path.extension().is_some_and(|e| e == "rhai") && path.is_file() {
-        true => std::fs::read_to_string(path).unwrap_or_default(),
+        true => read_text(path, MAX_TEXT, Chosen::Found).unwrap_or_default(),
         false => String::new(),
     };
     let name = if bulbfold::formula::shape::is_step_text(&text) {
         let mut d = Diagnostics::default();
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        session.library.add_step_file(path, &mut d);
         session.library.add_beside(folder, &mut d);
         session.report(d)?;
         path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     } else if path.exists() {
         return Ok(None);
     } else {
-        formula.file.clone()
+        formula.file.to_string_lossy().into_owned()
     };
     let step = session.library.step(&name).cloned();
     match step {

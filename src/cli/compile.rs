@@ -13,7 +13,7 @@ use bulbfold::render::{RenderSettings, compose_pipeline};
 use clap::{Args, ValueEnum};
 
 use super::arguments::{EstimateArgs, FormulaArgs};
-use super::session::{check_output, write_file};
+use super::output::{Content, check_output, write_or_print};
 use super::{Failure, Outcome, Session, cost, message};
 
 /// Arguments of `compile`.
@@ -30,7 +30,7 @@ pub struct Arguments {
     /// The stage to print
     #[arg(long, value_enum)]
     emit: Stage,
-    /// Write to this file instead of stdout
+    /// Write to this file instead of stdout, which is also `-`
     #[arg(short, long, value_name = "OUT")]
     output: Option<PathBuf>,
     /// All kernels of a picture instead of only the march
@@ -59,19 +59,15 @@ enum Stage {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    if let Some(path) = &arguments.output {
-        check_output(path, None)?;
-    }
+    let target = arguments.output.as_ref().map(|path| check_output(path, None, Content::Text)).transpose()?;
     let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
+    target.iter().try_for_each(|target| session.spare_inputs(target))?;
     let text = match arguments.emit {
         Stage::Graph => graph_print::listing(&graph),
         Stage::Dot => graph_print::dot(&graph),
         _ => kernels(arguments, session, &graph)?,
     };
-    match &arguments.output {
-        Some(path) => write_file(path, &text),
-        None => Ok(out.write_all(text.as_bytes())?),
-    }
+    write_or_print(target.as_ref(), text.as_bytes(), out)
 }
 
 fn kernels(arguments: &Arguments, session: &Session, graph: &ValidGraph) -> Result<String, Failure> {

@@ -13,7 +13,6 @@ use clap::Args;
 
 use super::explain::{credit, params_table, presets_table, step_page};
 use super::page::{Block, markdown};
-use super::session::write_file;
 use super::{Failure, Outcome, Session, usage};
 
 /// Arguments of `docs`.
@@ -43,7 +42,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     ];
     for (name, text) in pages {
         let path = folder.join(name);
-        write_file(&path, &text)?;
+        session.write(&path, text.as_bytes())?;
         writeln!(out, "{}", path.display())?;
     }
     Ok(())

@@ -1,12 +1,13 @@
 //! `bulbfold explain`: everything about one step or fractal.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use bulbfold::compose::{Composer, choose};
 use bulbfold::diag::Diagnostics;
 use bulbfold::expr::{Arena, Function, Port, Type, print};
+use bulbfold::files::{Chosen, MAX_TEXT, read_text};
 use bulbfold::formula::embedded;
 use bulbfold::formula::shape::ShapeDistance;
 use bulbfold::formula::step::{
@@ -32,7 +33,7 @@ Examples:
   bulbfold explain sphere_fold --markdown > sphere_fold.md")]
 pub struct Arguments {
     /// A step, a built-in fractal or script, or a file of one of them
-    name: String,
+    name: PathBuf,
     /// Print Markdown
     #[arg(long)]
     markdown: bool,
@@ -43,8 +44,9 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    let name = arguments.name.as_str();
-    let blocks = match find_step(session, name)? {
+    let (path, name) = (&arguments.name, arguments.name.to_string_lossy());
+    let name = &*name;
+    let blocks = match find_step(session, path)? {
         Some(step) => {
             let mut blocks = step_page(session, &step);
             blocks.extend(Notation { session, latex: arguments.latex }.step(&step)?);
@@ -54,14 +56,14 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         None => {
             let formulas = embedded::FRACTALS.iter().chain(embedded::SCRIPTS).map(|(name, _)| *name);
             let known: Vec<&str> = session.library.steps().map(|s| s.name.as_str()).chain(formulas).collect();
-            if !known.contains(&name) && !Path::new(name).exists() {
+            if !known.contains(&name) && !path.exists() {
                 let help = match bulbfold::diag::nearest(name, known) {
                     Some(near) => format!("did you mean `{near}`?"),
                     None => "`bulbfold list` shows all names".into(),
                 };
                 return Err(usage(format!("there is no step, fractal or file `{name}`"), &help));
             }
-            let graph = session.load(name, &[])?.graph;
+            let graph = session.load(path, &[])?.graph;
             fractal_page(session, &graph, arguments.latex)?
         }
     };
@@ -70,14 +72,14 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 }
 
 /// The step of this name or in this file, if there is one.
-fn find_step(session: &mut Session, name: &str) -> Result<Option<Rc<Step>>, Failure> {
-    let path = Path::new(name);
+fn find_step(session: &mut Session, path: &Path) -> Result<Option<Rc<Step>>, Failure> {
     let is_step_file = path.extension().is_some_and(|e| e == "rhai")
-        && std::fs::read_to_string(path).is_ok_and(|text| bulbfold::formula::shape::is_step_text(&text));
+        && read_text(path, MAX_TEXT, Chosen::Found).is_ok_and(|text| bulbfold::formula::shape::is_step_text(&text));
     if !is_step_file {
-        return Ok(session.library.step(name).cloned());
+        return Ok(path.to_str().and_then(|name| session.library.step(name)).cloned());
     }
     let mut d = Diagnostics::default();
+    session.library.add_step_file(path, &mut d);
     session.library.add_beside(path.parent().unwrap_or(Path::new("")), &mut d);
     session.report(d)?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();

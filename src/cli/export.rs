@@ -7,14 +7,13 @@ use std::rc::Rc;
 use bulbfold::compose::{Composer, choose};
 use bulbfold::exchange::export::{ExportError, Exported, Target, export};
 use bulbfold::expr::Arena;
-use bulbfold::film::write_beside;
 use bulbfold::graph::ValidGraph;
 use bulbfold::shade::frame_automatically;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
 use super::arguments::{EstimateArgs, FormulaArgs};
-use super::session::check_output;
+use super::output::{Content, check_output, write_or_print};
 use super::{Failure, Outcome, Session, message, usage};
 
 /// Arguments of `export`.
@@ -30,7 +29,7 @@ pub struct Arguments {
     /// Language or program
     #[arg(long, value_enum, value_name = "TARGET")]
     to: TargetArg,
-    /// Write to this file instead of stdout
+    /// Write to this file instead of stdout, which is also `-`
     #[arg(short, long, value_name = "OUT")]
     output: Option<PathBuf>,
     #[command(flatten)]
@@ -62,14 +61,17 @@ impl ValueEnum for TargetArg {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    match &arguments.output {
-        Some(path) => check_output(path, None)?,
-        None if arguments.to.0 == Target::Spirv => {
-            return Err(usage("SPIR-V is no text, so it needs a file", "write `-o NAME.spv`"));
+    let content = match (arguments.to.0, &arguments.output) {
+        (Target::Spirv, None) => {
+            let help = "write `-o NAME.spv`, or `-o -` for a program that reads it";
+            return Err(usage("SPIR-V is no text, so it needs a file", help));
         }
-        None => {}
-    }
+        (Target::Spirv, _) => Content::Bytes,
+        _ => Content::Text,
+    };
+    let output = arguments.output.as_ref().map(|path| check_output(path, None, content)).transpose()?;
     let mut graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
+    output.iter().try_for_each(|output| session.spare_inputs(output))?;
     let arena = Rc::new(Arena::default());
     let wanted = arguments.estimate.settings();
     let chosen = |graph: &ValidGraph| choose(&Composer { arena: &arena, library: &session.library, graph }, &wanted);
@@ -87,11 +89,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         Exported::Text(text) => text.into_bytes(),
         Exported::Words(words) => words.into_iter().flat_map(u32::to_le_bytes).collect(),
     };
-    match &arguments.output {
-        Some(path) => write_beside(path, &bytes)
-            .map_err(|error| Failure::Work(message(&format!("cannot write {}: {error}", path.display()), ""))),
-        None => Ok(out.write_all(&bytes)?),
-    }
+    write_or_print(output.as_ref(), &bytes, out)
 }
 
 fn failure(error: ExportError, session: &Session) -> Failure {

@@ -9,9 +9,10 @@ use std::time::Instant;
 
 use bulbfold::calibrate::cache::hash;
 use bulbfold::diag::Diagnostics;
-use bulbfold::film::{Image, write_beside};
+use bulbfold::files::{Chosen, read_bytes};
+use bulbfold::film::Image;
 use bulbfold::formula::embedded;
-use bulbfold::graph::{NodeKind, ValidGraph, print};
+use bulbfold::graph::ValidGraph;
 use bulbfold::load::load;
 use bulbfold::shade::Size;
 use clap::Args;
@@ -20,13 +21,16 @@ use image::codecs::jpeg::JpegEncoder;
 
 use super::arguments::{AutoArgs, BackendArg, parse_size};
 use super::gallery_page::{Card, Shown, page};
+use super::picture_key::graph_text;
 use super::progress::{Progress, short};
 use super::render::{self, picture};
-use super::session::{formula_files, talk, write_file};
+use super::session::{formula_files, talk};
 use super::{Failure, Outcome, Session, message, usage};
 
 /// Version of how pictures are made; what older programs made is rendered again.
 const VERSION: u32 = 1;
+/// Most bytes of a picture that is looked at.
+const MAX_PICTURE: u64 = 256 << 20;
 /// Folder of the pictures, beside the page.
 const PICTURES: &str = "pictures";
 /// What a picture's comment begins with.
@@ -52,7 +56,7 @@ later run renders only what has changed. Formulas that are broken are shown with
 pub struct Arguments {
     /// Formula files (.ron), folders of them, scripts or names of built-in fractals [default: all built-in fractals]
     #[arg(value_name = "FILE")]
-    files: Vec<String>,
+    files: Vec<PathBuf>,
     /// Folder for the page and its pictures; made where there is none
     #[arg(short, long, value_name = "DIR", required_unless_present = "thumbnails")]
     output: Option<PathBuf>,
@@ -81,6 +85,8 @@ pub struct Arguments {
 /// A formula and its picture.
 struct Item {
     /// As commands take it.
+    path: PathBuf,
+    /// The same in text.
     file: String,
     /// Without folder and ending; no two are equal.
     name: String,
@@ -106,7 +112,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         usage(format!("cannot make the folder {}: {error}", folder.display()), "choose another folder with -o")
     })?;
     let files = match arguments.files.is_empty() {
-        true => embedded::FRACTALS.iter().map(|(name, _)| name.to_string()).collect(),
+        true => embedded::FRACTALS.iter().map(|(name, _)| PathBuf::from(name)).collect(),
         false => formula_files(&arguments.files)?,
     };
     let mut items = read_all(arguments, session, files);
@@ -116,7 +122,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     if let Some(output) = &arguments.output {
         made = output.join("index.html");
         let cards: Vec<Card> = items.iter().map(|item| card(arguments, item)).collect();
-        write_file(&made, &page(&cards, &format!("Bulbfold {}", env!("CARGO_PKG_VERSION"))))?;
+        session.write(&made, page(&cards, &format!("Bulbfold {}", env!("CARGO_PKG_VERSION"))).as_bytes())?;
     }
     if !arguments.quiet {
         let kept = items.len() - broken.len() - rendered;
@@ -135,11 +141,11 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     Err(Failure::Work(message(&texts.join("\n"), "all other formulas are done")))
 }
 
-fn read_all(arguments: &Arguments, session: &mut Session, files: Vec<String>) -> Vec<Item> {
+fn read_all(arguments: &Arguments, session: &mut Session, files: Vec<PathBuf>) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
-    for file in files {
+    for path in files {
         let mut d = Diagnostics::default();
-        let read = match load(&mut session.library, &file, &[], &mut d) {
+        let read = match load(&mut session.library, &path, &[], &mut d) {
             Some(loaded) => Ok(Read {
                 key: key(arguments, session, &loaded.graph),
                 text: session.library.sources.text(loaded.text).to_string(),
@@ -147,7 +153,7 @@ fn read_all(arguments: &Arguments, session: &mut Session, files: Vec<String>) ->
             }),
             None => Err(d.render(&session.library.sources, false)),
         };
-        let stem = Path::new(&file).file_stem().unwrap_or_default().to_string_lossy();
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let stem: String =
             stem.chars().map(|c| if c.is_ascii_alphanumeric() || "-_".contains(c) { c } else { '_' }).collect();
         let is_taken = |name: &str| items.iter().any(|item| item.name == name);
@@ -158,7 +164,7 @@ fn read_all(arguments: &Arguments, session: &mut Session, files: Vec<String>) ->
             }
             name = format!("{stem}-{i}");
         }
-        items.push(Item { file, name, read });
+        items.push(Item { file: path.display().to_string(), path, name, read });
     }
     items
 }
@@ -176,25 +182,14 @@ fn made_as(arguments: &Arguments) -> (Size, u8) {
 /// and descriptions do not show.
 fn key(arguments: &Arguments, session: &Session, graph: &ValidGraph) -> String {
     let (size, quality) = made_as(arguments);
-    let mut text = format!(
-        "{} {VERSION} {size:?} {quality} {} {:?} {:?}\n{}\n{:?} {:?} {:?}{}",
+    let text = format!(
+        "{} {VERSION} {size:?} {quality} {} {:?} {:?}\n{}",
         env!("CARGO_PKG_VERSION"),
         arguments.samples,
         arguments.estimate.estimate.settings(),
         arguments.estimate.error_budget,
-        print::listing(graph),
-        graph.camera,
-        graph.look,
-        graph.bounding_radius,
-        graph.plane.map(|plane| format!(" {plane:?}")).unwrap_or_default()
+        graph_text(session, graph)
     );
-    for node in &graph.nodes {
-        match &node.kind {
-            NodeKind::Step { step, .. } => text.push_str(session.library.sources.text(step.text)),
-            NodeKind::Orbit { settings, .. } => text.push_str(&format!("{settings:?}")),
-            _ => {}
-        }
-    }
     format!("{:032x}", hash(text.as_bytes()))
 }
 
@@ -215,7 +210,7 @@ fn render_all(
         let Ok(Read { graph, key, .. }) = &items[i].read else { continue };
         let count = due.len() as f64;
         let asked = render::Arguments::of_picture(
-            &items[i].file,
+            &items[i].path,
             size,
             arguments.samples,
             arguments.backend,
@@ -226,7 +221,7 @@ fn render_all(
         match image {
             Ok(image) => {
                 let path = path(&items[i]);
-                write_beside(&path, &jpeg(&image, quality, key)).map_err(|e| render::cannot_write(&path, &e))?;
+                session.write(&path, &jpeg(&image, quality, key))?;
                 rendered += 1;
             }
             Err(Failure::Usage(why) | Failure::Work(why)) => items[i].read = Err(why),
@@ -260,7 +255,7 @@ fn comment(key: &str) -> Vec<u8> {
 
 /// Whether a file is a picture of this key.
 fn shows(path: &Path, key: &str) -> bool {
-    std::fs::read(path).is_ok_and(|bytes| {
+    read_bytes(path, MAX_PICTURE, Chosen::Found).is_ok_and(|bytes| {
         // A file that was cut off lacks the marker at the end.
         bytes.get(2..).is_some_and(|rest| rest.starts_with(&comment(key))) && bytes.ends_with(&[0xff, 0xd9])
     })

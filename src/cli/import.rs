@@ -1,16 +1,17 @@
 //! `bulbfold import`: files of other programs as graph files.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use bulbfold::diag::{Diagnostic, Diagnostics};
 use bulbfold::exchange::import::encoding::{Decoded, MAX_BYTES, decode};
 use bulbfold::exchange::import::{Imported, LostKind, fragmentarium, mandelbulber};
+use bulbfold::files::{Chosen, read_bytes};
 use bulbfold::formula::library::Library;
 use bulbfold::load::load_text;
 use clap::Args;
 
-use super::session::{check_output, talk, write_file};
+use super::output::{Content, check_output, write};
+use super::session::talk;
 use super::{Failure, Outcome, Session, usage};
 
 /// Arguments of `import`.
@@ -39,16 +40,20 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session) -> Outcome {
     let target = arguments.output.clone().unwrap_or_else(|| arguments.file.with_extension("ron"));
-    if target.exists() && !arguments.force {
-        let message = format!("{} is there already and is not overwritten", target.display());
+    let shown = target.display();
+    let output = check_output(&target, Some("ron"), Content::Text)?;
+    if output.is_taken() && !arguments.force {
+        let message = format!("{shown} is there already and is not overwritten");
         return Err(usage(message, "choose another name with -o, or allow it with --force"));
     }
-    check_output(&target, Some("ron"))?;
     let imported = read(arguments, session)?;
+    session.spare_inputs(&output)?;
     check_loads(&imported, &target, session)?;
-    write_file(&target, &imported.text)?;
+    write(&output, imported.text.as_bytes())?;
     report(&imported);
-    talk(&format!("wrote {0}; next: bulbfold render {0}", target.display()));
+    if !output.is_stream() {
+        talk(&format!("wrote {shown}; next: bulbfold render {shown}"));
+    }
     Ok(())
 }
 
@@ -63,7 +68,7 @@ fn read(arguments: &Arguments, session: &mut Session) -> Result<Imported, Failur
         return Err(usage(message, "settings of Mandelbulber 2 end in .fract, shaders of Fragmentarium in .frag"));
     }
     let mut d = Diagnostics::default();
-    let Decoded { text, encoding } = read_bytes(file)?;
+    let Decoded { text, encoding } = read_encoded(file, session)?;
     if let Some(encoding) = encoding {
         talk(&format!("{} is not UTF-8; it is read as {encoding}", file.display()));
     }
@@ -78,19 +83,11 @@ fn read(arguments: &Arguments, session: &mut Session) -> Result<Imported, Failur
     imported.ok_or_else(|| usage(format!("cannot import {}", file.display()), ""))
 }
 
-/// The text of a file in any encoding.
-fn read_bytes(file: &Path) -> Result<Decoded, Failure> {
-    let fail = |what: String| usage(format!("cannot read {}: {what}", file.display()), "");
-    let data = std::fs::metadata(file).map_err(|error| fail(error.to_string()))?;
-    if data.is_dir() {
-        return Err(fail("it is a folder".into()));
-    }
-    let mut bytes = Vec::new();
-    let opened = std::fs::File::open(file).map_err(|error| fail(error.to_string()))?;
-    opened.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|error| fail(error.to_string()))?;
-    if bytes.len() as u64 > MAX_BYTES {
-        return Err(fail(format!("it is larger than {} MiB", MAX_BYTES >> 20)));
-    }
+/// The text of a file in any encoding. No output may replace the file.
+fn read_encoded(file: &Path, session: &mut Session) -> Result<Decoded, Failure> {
+    let bytes = read_bytes(file, MAX_BYTES, Chosen::Named)
+        .map_err(|error| usage(format!("cannot read {}: {error}", file.display()), ""))?;
+    session.library.note_input(file);
     Ok(decode(&bytes))
 }
 

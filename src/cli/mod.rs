@@ -20,6 +20,7 @@ mod docs;
 mod doctor;
 mod explain;
 mod export;
+mod frames;
 #[cfg(feature = "chart")]
 mod gallery;
 #[cfg(feature = "chart")]
@@ -28,7 +29,9 @@ mod import;
 mod list;
 mod new;
 mod notation;
+mod output;
 mod page;
+mod picture_key;
 mod points;
 mod probe;
 mod progress;
@@ -58,6 +61,9 @@ struct Cli {
     /// Also read the steps (*.rhai) of this folder; may be given several times.
     #[arg(long = "steps", value_name = "DIR", global = true)]
     step_folders: Vec<PathBuf>,
+    /// Also read steps beside a formula that belong to another user; they are scripts.
+    #[arg(long, global = true)]
+    trust: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -152,6 +158,7 @@ pub fn usage(text: impl AsRef<str>, help: &str) -> Failure {
 /// Runs the program.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
+    bulbfold::files::clean_up_on_signals();
     let mut out = BufWriter::new(io::stdout().lock());
     let outcome = run(&cli, &mut out).and_then(|()| out.flush().map_err(Failure::from));
     let (text, code) = match outcome {
@@ -168,28 +175,28 @@ pub fn main() -> ExitCode {
 }
 
 fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
-    let folders = &cli.step_folders;
+    let session = || Session::new(&cli.step_folders, cli.trust);
     match &cli.command {
-        Command::Render(arguments) => render::run(arguments, &mut Session::new(folders)?, out),
-        Command::Compile(arguments) => compile::run(arguments, &mut Session::new(folders)?, out),
-        Command::Test(arguments) => test::run(arguments, &mut Session::new(folders)?, out),
-        Command::Check(arguments) => check::run(arguments, &mut Session::new(folders)?, out),
-        Command::Calibrate(arguments) => calibrate::run(arguments, &mut Session::new(folders)?, out),
-        Command::Bench(arguments) => bench::run(arguments, &mut Session::new(folders)?, out),
-        Command::Truth(arguments) => truth::run(arguments, &mut Session::new(folders)?, out),
-        Command::Probe(arguments) => probe::run(arguments, &mut Session::new(folders)?, out),
+        Command::Render(arguments) => render::run(arguments, &mut session()?, out),
+        Command::Compile(arguments) => compile::run(arguments, &mut session()?, out),
+        Command::Test(arguments) => test::run(arguments, &mut session()?, out),
+        Command::Check(arguments) => check::run(arguments, &mut session()?, out),
+        Command::Calibrate(arguments) => calibrate::run(arguments, &mut session()?, out),
+        Command::Bench(arguments) => bench::run(arguments, &mut session()?, out),
+        Command::Truth(arguments) => truth::run(arguments, &mut session()?, out),
+        Command::Probe(arguments) => probe::run(arguments, &mut session()?, out),
         #[cfg(feature = "chart")]
-        Command::Chart(arguments) => chart::run(arguments, &mut Session::new(folders)?),
-        Command::List(arguments) => list::run(arguments, &mut Session::new(folders)?, out),
-        Command::Explain(arguments) => explain::run(arguments, &mut Session::new(folders)?, out),
+        Command::Chart(arguments) => chart::run(arguments, &mut session()?),
+        Command::List(arguments) => list::run(arguments, &mut session()?, out),
+        Command::Explain(arguments) => explain::run(arguments, &mut session()?, out),
         Command::New(arguments) => new::run(arguments),
-        Command::Export(arguments) => export::run(arguments, &mut Session::new(folders)?, out),
-        Command::Import(arguments) => import::run(arguments, &mut Session::new(folders)?),
-        Command::Audit(arguments) => audit::run(arguments, &mut Session::new(folders)?, out),
+        Command::Export(arguments) => export::run(arguments, &mut session()?, out),
+        Command::Import(arguments) => import::run(arguments, &mut session()?),
+        Command::Audit(arguments) => audit::run(arguments, &mut session()?, out),
         #[cfg(feature = "chart")]
-        Command::Gallery(arguments) => gallery::run(arguments, &mut Session::new(folders)?, out),
-        Command::Doctor(arguments) => doctor::run(arguments, &mut Session::new(folders)?, out),
-        Command::Docs(arguments) => docs::run(arguments, &mut Session::new(folders)?, out),
+        Command::Gallery(arguments) => gallery::run(arguments, &mut session()?, out),
+        Command::Doctor(arguments) => doctor::run(arguments, &mut session()?, out),
+        Command::Docs(arguments) => docs::run(arguments, &mut session()?, out),
     }
 }
 

@@ -1,14 +1,14 @@
 //! `bulbfold new`: a commented file to start from.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use bulbfold::diag::nearest;
 use bulbfold::formula::embedded;
 use clap::Args;
 
-use super::session::{check_output, talk};
-use super::{Failure, Outcome, message, usage};
+use super::output::{Content, check_output, write};
+use super::session::talk;
+use super::{Failure, Outcome, usage};
 
 /// Arguments of `new`.
 #[derive(Args, Debug)]
@@ -51,21 +51,22 @@ pub fn run(arguments: &Arguments) -> Outcome {
     };
     let extension = template.extension;
     let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.{extension}")));
-    if path.exists() {
+    let target = check_output(&path, Some(extension), Content::Text)?;
+    if target.is_taken() {
         return Err(usage(
             format!("{} is there already and is not overwritten", path.display()),
             "choose another name with -o",
         ));
     }
-    check_output(&path, Some(extension))?;
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     let text = match &arguments.from {
         Some(_) => template.text,
         None => template.text.replace("NAME", if arguments.step { &stem } else { name }),
     };
-    let file = std::fs::OpenOptions::new().write(true).create_new(true).open(&path);
-    let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|error| Failure::Work(message(&format!("cannot write {}: {error}", path.display()), "")))?;
+    write(&target, text.as_bytes())?;
+    if target.is_stream() {
+        return Ok(());
+    }
     let shown = path.display();
     talk(&match template.is_step {
         false => format!("wrote {shown}; next: bulbfold render {shown}"),

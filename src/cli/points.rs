@@ -2,16 +2,21 @@
 
 use std::path::Path;
 
+use bulbfold::files::{Chosen, read_text};
+
 use super::{Failure, usage};
+
+/// Most bytes of a file of rows.
+const MAX_BYTES: u64 = 64 << 20;
+/// Most rows of one.
+const MAX_ROWS: usize = 2_000_000;
 
 /// Reads rows of `N` numbers. A first line that starts with a letter is a header; empty lines, spaces and CRLF are
 /// fine; lines that start with `#` are comments.
 pub fn read_rows<const N: usize>(path: &Path, columns: &str) -> Result<Vec<[f64; N]>, Failure> {
     let shown = path.display();
-    let bytes = std::fs::read(path).map_err(|error| usage(format!("cannot read {shown}: {error}"), ""))?;
-    let text = String::from_utf8(bytes).map_err(|error| {
-        usage(format!("cannot read {shown}: byte {} is not UTF-8 text", error.utf8_error().valid_up_to()), "")
-    })?;
+    let text = read_text(path, MAX_BYTES, Chosen::Named)
+        .map_err(|error| usage(format!("cannot read {shown}: {error}"), ""))?;
     parse_rows(&text).map_err(|(line, what)| {
         let place = if line == 0 { shown.to_string() } else { format!("{shown}:{line}") };
         usage(format!("{place}: {what}"), &format!("each line holds {columns}"))
@@ -30,6 +35,9 @@ fn parse_rows<const N: usize>(text: &str) -> Result<Vec<[f64; N]>, (usize, Strin
         }
         let is_header = std::mem::take(&mut may_be_header) && is_header(line);
         if !is_header {
+            if rows.len() == MAX_ROWS {
+                return Err((i + 1, format!("there are more than {MAX_ROWS} rows")));
+            }
             rows.push(parse_row(line).map_err(|what| (i + 1, what))?);
         }
     }

@@ -9,6 +9,7 @@ use bulbfold::calibrate::Calibration;
 use bulbfold::check::Subject;
 use bulbfold::compose::{Composer, choose};
 use bulbfold::expr::Arena;
+use bulbfold::files::Target;
 #[cfg(feature = "chart")]
 use bulbfold::film::Image;
 use bulbfold::film::PngFile;
@@ -24,12 +25,13 @@ use super::arguments::{
 };
 use super::backend::{Job, Wanted, run_job};
 use super::calibration::{Wish, settle_estimate};
+use super::output::{Content, check_output, not_written, refuse_both};
 use super::progress::{Progress, short};
-use super::session::{check_output, refuse_plane, talk};
+use super::session::{refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
 #[cfg(feature = "chart")]
 use super::view::{self, Request, ViewArg};
-use super::{Failure, Outcome, Session, message, stats, usage};
+use super::{Failure, Outcome, Session, stats, usage};
 
 /// Arguments of `render`.
 #[derive(Args, Debug)]
@@ -44,7 +46,7 @@ Examples:
 pub struct Arguments {
     #[command(flatten)]
     pub(super) formula: FormulaArgs,
-    /// The picture to write [default: NAME.png]
+    /// The picture to write; - is stdout [default: NAME.png]
     #[arg(short, long, value_name = "OUT.png")]
     pub(super) output: Option<PathBuf>,
     /// Columns and rows [default: 1280x720]
@@ -111,7 +113,7 @@ impl Arguments {
     /// What asks for a picture of a formula's own view, with everything else by default and without a word.
     #[cfg(feature = "chart")]
     pub(super) fn of_picture(
-        file: &str,
+        file: &Path,
         size: Size,
         samples: u32,
         backend: BackendArg,
@@ -238,9 +240,13 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         return sweep::run(arguments, &arguments.sweep, frames, session, out);
     }
     let output = output_path(arguments);
-    check_output(&output, Some("png"))?;
+    let output = check_output(&output, Some("png"), Content::Bytes)?;
+    if arguments.json {
+        refuse_both(&output, "--json")?;
+    }
     let asked = arguments.prepare()?;
     let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
+    session.spare_inputs(&output)?;
     if !arguments.is_plain() {
         refuse_plane(&graph, "`--view`")?;
     }
@@ -261,16 +267,16 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         };
         let start = Instant::now();
         let image = view::render(session, &request)?;
-        image.write_png(&output).map_err(|error| cannot_write(&output, &error))?;
+        image.write_png_to(&output).map_err(|error| not_written(&output, &error))?;
         if !arguments.quiet {
-            talk(&format!("{} ({})", output.display(), short(start.elapsed())));
+            talk(&format!("{} ({})", output.path().display(), short(start.elapsed())));
         }
         return Ok(());
     }
     let mut job =
         RenderJob { arena: &arena, pipeline: &pipeline, settings: &settings, output: &output, quiet: arguments.quiet };
     let (backend, (stats, written)) = run_job(session, arguments.backend, precision, &mut job)?;
-    let encode = written.map_err(|error| cannot_write(&output, &error))?;
+    let encode = written.map_err(|error| not_written(&output, &error))?;
     let report = stats::Report {
         fractal: &graph.name,
         backend: &backend,
@@ -288,7 +294,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         talk(report.table().trim_end());
     }
     if !arguments.quiet {
-        talk(&format!("{} ({})", output.display(), short(stats.render)));
+        talk(&format!("{} ({})", output.path().display(), short(stats.render)));
     }
     Ok(())
 }
@@ -363,10 +369,6 @@ pub(super) fn settle_precision(
         ));
     }
     asked
-}
-
-pub(super) fn cannot_write(output: &Path, error: &std::io::Error) -> Failure {
-    Failure::Work(message(&format!("cannot write {}: {error}", output.display()), ""))
 }
 
 /// The picture's path: what was given, else the formula's name in the current folder.
@@ -448,7 +450,7 @@ struct RenderJob<'a> {
     arena: &'a Arena,
     pipeline: &'a Pipeline,
     settings: &'a RenderSettings,
-    output: &'a Path,
+    output: &'a Target,
     quiet: bool,
 }
 
@@ -459,7 +461,8 @@ impl Job for RenderJob<'_> {
     fn run<B: Backend>(&mut self, backend: &B) -> Result<Self::Output, BackendError> {
         let mut renderer = Renderer::new(backend, self.arena, self.pipeline, self.settings)?;
         let mut progress = Progress::new(self.quiet);
-        let written = render_file(&mut renderer, self.output, self.settings.size, &mut |share| progress.update(share));
+        let file = PngFile::at(self.output, self.settings.size, None);
+        let written = render_file(&mut renderer, file, &mut |share| progress.update(share));
         progress.finish();
         Ok((renderer.stats, written?))
     }
@@ -468,11 +471,9 @@ impl Job for RenderJob<'_> {
 /// Renders a picture into its file; gives the time that the file took, or why it could not be written.
 pub(super) fn render_file<B: Backend>(
     renderer: &mut Renderer<B>,
-    output: &Path,
-    size: Size,
+    mut file: PngFile,
     progress: &mut (dyn FnMut(f64) + Send),
 ) -> Result<std::io::Result<Duration>, BackendError> {
-    let mut file = PngFile::new(output, size);
     // A file that cannot be written on stops the render, and then says why.
     renderer.render_rows(&mut |rows| file.push(rows), &mut |share| {
         progress(share);

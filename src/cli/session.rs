@@ -19,11 +19,12 @@ pub struct Session {
 }
 
 impl Session {
-    /// The built-in steps and those of `folders`.
-    pub fn new(folders: &[PathBuf]) -> Result<Session, Failure> {
+    /// The built-in steps and those of `folders`; and whether steps that belong to others are read too.
+    pub fn new(folders: &[PathBuf], trusts_others: bool) -> Result<Session, Failure> {
         let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
         let colour = std::io::stderr().is_terminal() && !no_colour;
         let mut session = Session { library: Library::builtin(), colour };
+        session.library.trusts_others = trusts_others;
         let mut d = Diagnostics::default();
         for folder in folders {
             session.library.add_folder(folder, &mut d);
@@ -33,27 +34,27 @@ impl Session {
     }
 
     /// Loads a fractal; its errors are the user's.
-    pub fn load(&mut self, what: &str, set: &[(String, String)]) -> Result<Loaded, Failure> {
+    pub fn load(&mut self, what: impl AsRef<Path>, set: &[(String, String)]) -> Result<Loaded, Failure> {
         let mut d = Diagnostics::default();
-        let loaded = load(&mut self.library, what, set, &mut d);
+        let loaded = load(&mut self.library, &what, set, &mut d);
         self.report(d)?;
-        loaded.ok_or_else(|| usage(format!("cannot load `{what}`"), ""))
+        loaded.ok_or_else(|| usage(format!("cannot load `{}`", what.as_ref().display()), ""))
     }
 
     /// Loads a fractal for something that follows rays, which pictures of a plane have none of.
-    pub fn load_solid(&mut self, file: &str, set: &[(String, String)], what: &str) -> Result<ValidGraph, Failure> {
+    pub fn load_solid(&mut self, file: &Path, set: &[(String, String)], what: &str) -> Result<ValidGraph, Failure> {
         let graph = self.load(file, set)?.graph;
         refuse_plane(&graph, what)?;
         Ok(graph)
     }
 
     /// Loads a fractal that has been loaded with other settings: warnings are not told again.
-    pub fn load_again(&mut self, what: &str, set: &[(String, String)]) -> Result<Loaded, Failure> {
+    pub fn load_again(&mut self, what: &Path, set: &[(String, String)]) -> Result<Loaded, Failure> {
         let mut d = Diagnostics::default();
         let loaded = load(&mut self.library, what, set, &mut d);
         match loaded {
             Some(loaded) => Ok(loaded),
-            None => self.report(d).and(Err(usage(format!("cannot load `{what}`"), ""))),
+            None => self.report(d).and(Err(usage(format!("cannot load `{}`", what.display()), ""))),
         }
     }
 
@@ -102,67 +103,30 @@ pub fn refuse_plane(graph: &ValidGraph, what: &str) -> Result<(), Failure> {
 }
 
 /// Formula files among `paths`: those of folders (`*.ron`, in order, inner folders included), and all else as it stands.
-pub fn formula_files(paths: &[String]) -> Result<Vec<String>, Failure> {
+pub fn formula_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     for path in paths {
         let before = files.len();
-        collect(Path::new(path), path, &mut files);
+        collect(path, &mut files);
         if files.len() == before {
-            return Err(usage(format!("the folder {path} holds no formula file (*.ron)"), ""));
+            return Err(usage(format!("the folder {} holds no formula file (*.ron)", path.display()), ""));
         }
     }
     Ok(files)
 }
 
-fn collect(path: &Path, given: &str, files: &mut Vec<String>) {
+fn collect(path: &Path, files: &mut Vec<PathBuf>) {
     if !path.is_dir() {
-        return files.push(given.to_string());
+        return files.push(path.to_path_buf());
     }
     let mut entries: Vec<_> = std::fs::read_dir(path).into_iter().flatten().flatten().map(|e| e.path()).collect();
     entries.sort();
     // A link may lead back up.
     let wanted = |path: &PathBuf| !path.is_symlink() && (path.is_dir() || path.extension().is_some_and(|e| e == "ron"));
-    entries.iter().filter(|path| wanted(path)).for_each(|entry| collect(entry, &entry.display().to_string(), files));
+    entries.iter().filter(|path| wanted(path)).for_each(|entry| collect(entry, files));
 }
 
 /// Says something on stderr.
 pub fn talk(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
-}
-
-/// Refuses an output file that could not be written in the end, before any work is done.
-pub fn check_output(path: &Path, extension: Option<&str>) -> Result<(), Failure> {
-    let shown = path.display();
-    if path.is_dir() {
-        return Err(usage(format!("cannot write {shown}: it is a folder"), "give the name of a file: -o FILE"));
-    }
-    if let Some(wanted) = extension
-        && !path.extension().is_some_and(|found| found.eq_ignore_ascii_case(wanted))
-    {
-        return Err(usage(format!("the output {shown} must end in .{wanted}"), &format!("write `-o NAME.{wanted}`")));
-    }
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    if !folder.is_dir() {
-        return Err(usage(format!("cannot write {shown}: there is no folder {}", folder.display()), "create it first"));
-    }
-    // Only trying tells whether a folder takes files, on every system.
-    let trial = folder.join(format!(".bulbfold.{}.tmp", std::process::id()));
-    match std::fs::write(&trial, b"") {
-        Ok(()) => {
-            let _ = std::fs::remove_file(&trial);
-            Ok(())
-        }
-        Err(error) => {
-            Err(usage(format!("cannot write into {}: {error}", folder.display()), "choose another folder with -o"))
-        }
-    }
-}
-
-/// Writes a text beside its target, then renames it.
-pub fn write_file(path: &Path, text: &str) -> Result<(), Failure> {
-    bulbfold::film::write_beside(path, text.as_bytes())
-        .map_err(|error| Failure::Work(super::message(&format!("cannot write {}: {error}", path.display()), "")))
 }

@@ -2,13 +2,14 @@
 
 use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use bulbfold::calibrate::Calibration;
 use bulbfold::compose::{Composer, Plan, choose};
 use bulbfold::expr::Arena;
+use bulbfold::files::Target;
+use bulbfold::film::PngFile;
 use bulbfold::frames::{FrameRenderer, Frames, JoinedFrames};
 use bulbfold::graph::{EstimateSettings, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError, Compiling};
@@ -20,10 +21,12 @@ use serde_json::json;
 use super::arguments::PrecisionArg;
 use super::backend::{Job, run_job};
 use super::calibration::choose_estimate;
+use super::frames::{Names, frame_key, frames_to_do, refuse_json};
+use super::output::not_written;
 use super::progress::{Progress, short};
 use super::range::Range;
-use super::render::{Arguments, cannot_write, render_file, settle_precision, with_view};
-use super::session::{check_output, talk};
+use super::render::{Arguments, render_file, settle_precision, with_view};
+use super::session::talk;
 use super::{Failure, Outcome, Session, usage};
 
 /// What makes a picture an animation.
@@ -36,7 +39,7 @@ pub struct SweepArgs {
     /// Number of frames; -o is then a name with a place for the frame's number, such as frame_%04d.png
     #[arg(long, value_name = "N", requires = "ranges", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub frames: Option<u32>,
-    /// Keep the frames that are there already
+    /// Keep the frames that an earlier run of the same settings has made; all others are named and rendered again
     #[arg(long, requires = "frames")]
     resume: bool,
 }
@@ -63,13 +66,19 @@ pub fn run(
         return Err(usage("a sweep renders pictures, not views of error", "drop `--view` or `--sweep`"));
     }
     let names = Names::new(arguments)?;
-    check_output(&names.path(0), Some("png"))?;
+    if arguments.json {
+        refuse_json(&names)?;
+    }
     let asked = arguments.prepare()?;
-    let is_wanted = |frame: &u32| !(sweep.resume && names.path(*frame).exists());
-    let todo: Vec<u32> = (0..frames).filter(is_wanted).collect();
     let (start, mut composing) = (Instant::now(), Duration::ZERO);
     let graphs = graphs(session, arguments, sweep, frames)?;
     let (settings, precision) = settle(session, arguments, &graphs, asked)?;
+    let keys: Vec<String> = graphs.iter().map(|graph| frame_key(session, arguments, &settings, graph)).collect();
+    let todo = match sweep.resume {
+        true => frames_to_do(&names, &keys, &settings)?,
+        false => (0..frames).collect(),
+    };
+    let targets = names.targets(session, &todo)?;
     let estimates = estimates(session, arguments, &graphs, &settings, precision)?;
     let mut gathered = Frames::default();
     let mut plans = Plans::of(sweep);
@@ -92,7 +101,8 @@ pub fn run(
     let mut job = SweepJob {
         frames: &joined,
         settings: &settings,
-        paths: todo.iter().map(|&frame| names.path(frame)).collect(),
+        targets,
+        keys: todo.iter().map(|&frame| keys[frame as usize].as_str()).collect(),
         quiet: arguments.quiet,
         next: 0,
         counted: Counted::default(),
@@ -108,48 +118,9 @@ pub fn run(
         talk(report.table().trim_end());
     }
     if !arguments.quiet {
-        talk(&format!(
-            "{} to {} ({})",
-            names.path(0).display(),
-            names.path(frames - 1).display(),
-            short(start.elapsed())
-        ));
+        talk(&format!("{} ({})", names.shown(frames), short(start.elapsed())));
     }
     Ok(())
-}
-
-/// Files of frames: what stands before and after the number, and its least digits.
-struct Names {
-    before: String,
-    after: String,
-    digits: usize,
-}
-
-impl Names {
-    fn new(arguments: &Arguments) -> Result<Names, Failure> {
-        let given = arguments.output.as_ref().map(|path| path.to_string_lossy().into_owned());
-        let pattern = given.unwrap_or_else(|| {
-            let stem = Path::new(&arguments.formula.file).file_stem().unwrap_or_default();
-            format!("{}_%04d.png", stem.to_string_lossy())
-        });
-        Names::parse(&pattern).ok_or_else(|| {
-            let text = format!("the output {pattern} has no place for the number of a frame");
-            usage(text, "write for example `-o frame_%04d.png`")
-        })
-    }
-
-    fn parse(pattern: &str) -> Option<Names> {
-        let (before, rest) = pattern.split_once('%')?;
-        let (digits, after) = rest.split_once('d')?;
-        let digits = if digits.is_empty() { 0 } else { digits.parse().ok().filter(|&n: &usize| n <= 12)? };
-        (!after.contains('%')).then(|| Names { before: before.into(), after: after.into(), digits })
-    }
-
-    /// The file of a frame, numbered from 1.
-    fn path(&self, frame: u32) -> PathBuf {
-        let (number, digits) = (frame + 1, self.digits);
-        PathBuf::from(format!("{}{number:0digits$}{}", self.before, self.after))
-    }
 }
 
 /// The fractal of each frame, seen as that frame sees it. All are read before anything is rendered, so that a value out of
@@ -295,7 +266,9 @@ struct SweepJob<'a> {
     frames: &'a JoinedFrames,
     settings: &'a RenderSettings,
     /// One for each frame.
-    paths: Vec<PathBuf>,
+    targets: Vec<Target>,
+    /// The keys that the frames carry.
+    keys: Vec<&'a str>,
     quiet: bool,
     next: usize,
     counted: Counted,
@@ -307,17 +280,17 @@ impl Job for SweepJob<'_> {
     fn run<B: Backend>(&mut self, backend: &B) -> Result<Outcome, BackendError> {
         let mut renderer = FrameRenderer::new(backend, self.frames, self.settings);
         let mut progress = Progress::new(self.quiet);
-        let count = self.paths.len() as f64;
-        while self.next < self.paths.len() {
+        let count = self.targets.len() as f64;
+        while self.next < self.targets.len() {
             let start = Instant::now();
             let mut frame = renderer.frame(self.next)?;
             self.counted.times[0] += start.elapsed();
             let done = self.next as f64;
-            let path = &self.paths[self.next];
-            let written =
-                render_file(&mut frame, path, self.settings.size, &mut |share| progress.update((done + share) / count));
+            let target = &self.targets[self.next];
+            let file = PngFile::at(target, self.settings.size, Some(self.keys[self.next]));
+            let written = render_file(&mut frame, file, &mut |share| progress.update((done + share) / count));
             if let Err(error) = written? {
-                return Ok(Err(cannot_write(path, &error)));
+                return Ok(Err(not_written(target, &error)));
             }
             self.counted.add(&frame.stats);
             self.next += 1;
@@ -393,7 +366,7 @@ mod tests {
     use bulbfold::compose::Plan;
     use bulbfold::graph::DifferenceStep;
 
-    use super::{Names, Plans, SweepArgs};
+    use super::{Plans, SweepArgs};
 
     /// A plan that its fudge tells from others.
     fn plan(fudge: f64) -> Plan {
@@ -420,16 +393,6 @@ mod tests {
                 assert!(plan.is_ok_and(|plan| plan.fudge == f64::from(measured)), "{moved:?}");
             }
             assert_eq!(measured, expected, "{moved:?}");
-        }
-    }
-
-    #[test]
-    fn patterns_have_one_place_for_a_number() {
-        let name = |pattern: &str| Names::parse(pattern).map(|names| names.path(11).display().to_string());
-        assert_eq!(name("a/f_%04d.png").as_deref(), Some("a/f_0012.png"));
-        assert_eq!(name("%d.png").as_deref(), Some("12.png"));
-        for wrong in ["frame.png", "%04x.png", "%d_%d.png", "100%.png", "%999d.png"] {
-            assert_eq!(name(wrong), None, "{wrong}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `bulbfold truth`: where rays really meet the set, by brute force, and how the march of an estimate compares.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
@@ -49,7 +49,7 @@ breaks the error budget, or where no ray of a view hits anything.")]
 pub struct Arguments {
     /// Formula files (.ron), folders of them, graph scripts (.rhai) or names of built-in fractals
     #[arg(required = true, value_name = "FILE")]
-    pub(super) files: Vec<String>,
+    pub(super) files: Vec<PathBuf>,
     #[command(flatten)]
     changes: ChangeArgs,
     /// Random rays through the picture
@@ -93,12 +93,12 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     }
     match measured.complaint(&arguments.estimate.error_budget) {
         None => Ok(()),
-        Some(why) => Err(truth_table::broken(&format!("{}: {why}", files[0]))),
+        Some(why) => Err(truth_table::broken(&format!("{}: {why}", files[0].display()))),
     }
 }
 
 /// Walks and marches the rays of one formula.
-pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &str) -> Result<Measured, Failure> {
+pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path) -> Result<Measured, Failure> {
     let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
     let precision = wanted.precision(PrecisionArg::F64)?;
     let given = arguments.rays_file.as_ref().map(|path| read_rays(path)).transpose()?;

@@ -1,7 +1,7 @@
 //! `bulbfold truth` of several formulas: a line for each, and whether all keep the budget.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use bulbfold::calibrate::Budget;
 use bulbfold::check::truth::Judgement;
@@ -15,20 +15,21 @@ const HEAD: [&str; 10] =
     ["Fractal", "Estimate", "Fudge", "Rays", "Hits", "Missed %", "Early %", "Depth error", "Ambiguous", "Budget"];
 
 /// Measures all files. What is wrong with one does not stop the others.
-pub fn run(arguments: &Arguments, files: &[String], session: &mut Session, out: &mut dyn Write) -> Outcome {
+pub fn run(arguments: &Arguments, files: &[PathBuf], session: &mut Session, out: &mut dyn Write) -> Outcome {
     let budget = arguments.estimate.error_budget;
     let (mut rows, mut wrong) = (Vec::new(), Vec::new());
     for file in files {
+        let shown = file.display();
         match measure(arguments, session, file) {
             Ok(measured) => {
                 let why = measured.complaint(&budget);
-                wrong.extend(why.iter().map(|why| format!("{file}: {why}")));
+                wrong.extend(why.iter().map(|why| format!("{shown}: {why}")));
                 match arguments.json {
                     true => measured.summary(out)?,
                     false => rows.push(row(file, &measured, why.is_none())),
                 }
             }
-            Err(Failure::Usage(text) | Failure::Work(text)) => wrong.push(format!("{file}: {}", text.trim_end())),
+            Err(Failure::Usage(text) | Failure::Work(text)) => wrong.push(format!("{shown}: {}", text.trim_end())),
             Err(Failure::ClosedPipe) => return Err(Failure::ClosedPipe),
         }
         out.flush()?;
@@ -50,9 +51,9 @@ pub(super) fn broken(wrong: &str) -> Failure {
     Failure::Work(message(wrong, "`bulbfold calibrate FILE --write` measures an estimate anew"))
 }
 
-fn row(file: &str, measured: &Measured, is_kept: bool) -> Vec<String> {
+fn row(file: &Path, measured: &Measured, is_kept: bool) -> Vec<String> {
     let judged = measured.judged();
-    let name = Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let percent = |share: f64| format!("{:.2}", 100.0 * share);
     vec![
         name,

@@ -1,11 +1,14 @@
 //! Film: tiles, their pixels in an order that keeps neighbours together, and PNG files.
 
+mod made;
 mod png;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+pub use self::made::{MadePng, read_png};
 pub use self::png::PngFile;
 
+use crate::files::Target;
 use crate::shade::Size;
 
 /// A rectangle of pixels.
@@ -150,9 +153,14 @@ impl Image {
         }
     }
 
-    /// Writes a PNG beside the target and then renames it, so that a good file is never replaced by a broken one.
+    /// Writes a PNG, whole or not at all.
     pub fn write_png(&self, path: &Path) -> std::io::Result<()> {
-        let mut file = PngFile::new(path, self.size);
+        self.write_png_to(&Target::of(path)?)
+    }
+
+    /// Writes a PNG to a target that has been looked at, whole or not at all.
+    pub fn write_png_to(&self, target: &Target) -> std::io::Result<()> {
+        let mut file = PngFile::at(target, self.size, None);
         file.push(self.rgb.clone());
         file.finish().map(|_| ())
     }
@@ -167,21 +175,4 @@ pub fn srgb_byte(value: f64) -> u8 {
     let inside = value.max(0.0);
     let inside = inside.min(1.0);
     (inside * 255.0 + WHOLE).to_bits() as u8
-}
-
-/// A temporary name in the same folder.
-fn beside(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(format!(".{}.tmp", std::process::id()));
-    path.with_file_name(name)
-}
-
-/// Writes a file under a temporary name in the same folder, then renames it.
-pub fn write_beside(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let temporary = beside(path);
-    let result = std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path));
-    if result.is_err() {
-        let _ = std::fs::remove_file(&temporary);
-    }
-    result
 }

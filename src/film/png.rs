@@ -1,36 +1,43 @@
 //! PNG files, written row by row while the picture is still being made.
 
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use crate::files::{Output, Target};
 use crate::shade::Size;
 
 /// Bytes of a chunk of compressed data.
 const CHUNK: usize = 1 << 18;
+/// What names the text with the key of a picture's job.
+pub(super) const KEYWORD: &str = "bulbfold-job";
 
-/// A PNG file that takes rows from the top and compresses them on a thread of its own. Until [`PngFile::finish`] they are
-/// in a file beside the target, so that a good picture is never replaced by a part of one.
+/// A PNG file that takes rows from the top and compresses them on a thread of its own. Until [`PngFile::finish`] none of it
+/// is seen under the target's name, so that a good picture is never replaced by a part of one.
 ///
 /// The bytes depend on the picture alone, and not on how many rows come at a time. Memory: three times what is pushed at once.
 pub struct PngFile {
-    target: PathBuf,
-    temporary: PathBuf,
     rows: Option<SyncSender<Vec<u8>>>,
-    writer: Option<JoinHandle<io::Result<Duration>>>,
+    writer: Option<JoinHandle<io::Result<(Output, Duration)>>>,
 }
 
 impl PngFile {
-    /// Nothing is written before there are rows.
-    pub fn new(target: &Path, size: Size) -> PngFile {
-        let temporary = super::beside(target);
+    /// A picture at a path. Nothing is written before there are rows.
+    pub fn new(path: &Path, size: Size) -> PngFile {
+        PngFile::start(Target::of(path), size, None)
+    }
+
+    /// A picture at a target that has been looked at; it carries the key of its job where there is one.
+    pub fn at(target: &Target, size: Size, key: Option<&str>) -> PngFile {
+        PngFile::start(Ok(target.clone()), size, key.map(String::from))
+    }
+
+    fn start(target: io::Result<Target>, size: Size, key: Option<String>) -> PngFile {
         let (rows, received) = sync_channel(1);
-        let path = temporary.clone();
-        let writer = std::thread::spawn(move || write_rows(&path, size, &received));
-        PngFile { target: target.to_path_buf(), temporary, rows: Some(rows), writer: Some(writer) }
+        let writer = std::thread::spawn(move || write_rows(&target?, size, key, &received));
+        PngFile { rows: Some(rows), writer: Some(writer) }
     }
 
     /// Takes some more rows, three bytes of sRGB a pixel. Returns false where nothing can be written any more;
@@ -43,12 +50,12 @@ impl PngFile {
     ///
     /// Errors: whatever the system says, and too few rows; the target is then what it was.
     pub fn finish(mut self) -> io::Result<Duration> {
-        let took = self.close()?;
-        std::fs::rename(&self.temporary, &self.target)?;
+        let (output, took) = self.close()?;
+        output.commit()?;
         Ok(took)
     }
 
-    fn close(&mut self) -> io::Result<Duration> {
+    fn close(&mut self) -> io::Result<(Output, Duration)> {
         self.rows = None;
         let writer = self.writer.take().ok_or_else(|| io::Error::other("the file is closed"))?;
         writer.join().unwrap_or_else(|_| Err(io::Error::other("the writing thread broke off")))
@@ -56,22 +63,29 @@ impl PngFile {
 }
 
 impl Drop for PngFile {
-    /// Removes what was written of a picture that was never finished.
+    /// Waits for the thread: what was written of a picture that was never finished is gone then.
     fn drop(&mut self) {
         let _ = self.close();
-        let _ = std::fs::remove_file(&self.temporary);
     }
 }
 
-fn write_rows(path: &Path, size: Size, rows: &Receiver<Vec<u8>>) -> io::Result<Duration> {
+fn write_rows(
+    target: &Target,
+    size: Size,
+    key: Option<String>,
+    rows: &Receiver<Vec<u8>>,
+) -> io::Result<(Output, Duration)> {
     let few = || io::Error::other("the picture has too few rows");
     let first = rows.recv().map_err(|_| few())?;
     let mut took = Duration::ZERO;
-    let mut file = BufWriter::with_capacity(CHUNK, File::create(path)?);
+    let mut file = BufWriter::with_capacity(CHUNK, Output::new(target)?);
     let mut encoder = png::Encoder::new(&mut file, size.width, size.height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fast);
+    if let Some(key) = key {
+        encoder.add_text_chunk(KEYWORD.into(), key)?;
+    }
     let mut encoder = encoder.write_header()?;
     let mut stream = encoder.stream_writer_with_size(CHUNK)?;
     let mut left = size.width as usize * size.height as usize * 3;
@@ -87,6 +101,6 @@ fn write_rows(path: &Path, size: Size, rows: &Receiver<Vec<u8>>) -> io::Result<D
     let start = Instant::now();
     stream.finish()?;
     encoder.finish()?;
-    file.flush()?;
-    Ok(took + start.elapsed())
+    let output = file.into_inner().map_err(io::IntoInnerError::into_error)?;
+    Ok((output, took + start.elapsed()))
 }

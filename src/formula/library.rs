@@ -2,7 +2,7 @@
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use super::embedded;
@@ -10,6 +10,10 @@ use super::script::ScriptEngine;
 use super::shape::is_step_text;
 use super::step::Step;
 use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
+use crate::files::{Chosen, FileId, MAX_TEXT, is_foreign, read_text};
+
+/// Most bytes of all scripts beside a formula.
+const MAX_BESIDE: usize = 32 << 20;
 
 /// All texts read so far, the script engine, and the steps found.
 pub struct Library {
@@ -20,6 +24,12 @@ pub struct Library {
     steps: BTreeMap<String, Entry>,
     /// Names of step files with errors.
     broken: BTreeSet<String>,
+    /// Whether steps are read that lie in a folder of another user. They are scripts, and nobody named them.
+    pub trusts_others: bool,
+    /// Files that were read.
+    inputs: Vec<FileId>,
+    /// What pipes said, which they do only once.
+    piped: BTreeMap<PathBuf, String>,
 }
 
 /// A step's file, and the step. Built-in ones are read when they are first asked for: a picture needs few of them, and to
@@ -37,6 +47,9 @@ impl Library {
             engine: ScriptEngine::new(),
             steps: BTreeMap::new(),
             broken: BTreeSet::new(),
+            trusts_others: false,
+            inputs: Vec::new(),
+            piped: BTreeMap::new(),
         };
         for (name, text) in embedded::STEPS {
             let text = library.sources.add(format!("formulas/steps/{name}.rhai"), *text);
@@ -85,29 +98,76 @@ impl Library {
     }
 
     /// Reads the steps that lie beside a formula file: every `*.rhai` that defines `fn step` or `fn distance`. An empty path is the current
-    /// folder.
+    /// folder. What is no regular file or too large is left out, and so is what belongs to another user; a warning tells of either.
     pub fn add_beside(&mut self, folder: &Path, diagnostics: &mut Diagnostics) {
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let mut files: Vec<_> =
             std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
         files.sort();
-        for file in files.iter().filter(|file| file.extension().is_some_and(|e| e == "rhai")) {
-            let is_step = std::fs::read_to_string(file).is_ok_and(|text| is_step_text(&text));
-            if is_step {
-                self.add_step_file(file, diagnostics);
+        let mut left_out = |file: &Path, why: &str| {
+            let message = format!("the script {} is left out: {why}", file.display());
+            diagnostics.push(Diagnostic::warning(message).label(Span::NONE, ""));
+        };
+        let (mut steps, mut foreign, mut bytes) = (Vec::new(), None, 0);
+        let is_others = is_foreign(folder);
+        for file in files.into_iter().filter(|file| file.extension().is_some_and(|e| e == "rhai")) {
+            match read_text(&file, MAX_TEXT, Chosen::Found) {
+                Err(error) => left_out(&file, &error.to_string()),
+                Ok(text) if !is_step_text(&text) => {}
+                Ok(_) if !self.trusts_others && (is_others || is_foreign(&file)) => foreign = Some(file),
+                Ok(text) if bytes + text.len() > MAX_BESIDE => left_out(&file, "there are too many scripts beside it"),
+                Ok(text) => {
+                    bytes += text.len();
+                    steps.push((file, text));
+                }
             }
+        }
+        if let Some(file) = foreign {
+            let message = format!("steps that belong to another user are left out, such as {}", file.display());
+            let help = "steps are scripts: `--trust` reads these too";
+            diagnostics.push(Diagnostic::warning(message).label(Span::NONE, "").help(help));
+        }
+        for (file, text) in steps {
+            self.add_step_text(&file, text, diagnostics);
         }
     }
 
-    fn add_step_file(&mut self, file: &Path, diagnostics: &mut Diagnostics) {
+    /// Reads a step file that was named, or that lies in a folder that was.
+    pub fn add_step_file(&mut self, file: &Path, diagnostics: &mut Diagnostics) {
+        match read_text(file, MAX_TEXT, Chosen::Found) {
+            Ok(text) => self.add_step_text(file, text, diagnostics),
+            Err(error) => diagnostics.push(Diagnostic::error(format!("cannot read {}: {error}", file.display()))),
+        }
+    }
+
+    /// The text of a file that was named. A pipe gives the same text each time.
+    ///
+    /// Errors: those of [`read_text`].
+    pub fn read_named(&mut self, path: &Path) -> std::io::Result<String> {
+        if let Some(text) = self.piped.get(path) {
+            return Ok(text.clone());
+        }
+        let text = read_text(path, MAX_TEXT, Chosen::Named)?;
+        match path.is_file() {
+            true => self.inputs.extend(FileId::of(path)),
+            false => drop(self.piped.insert(path.to_path_buf(), text.clone())),
+        }
+        Ok(text)
+    }
+
+    /// Adds a file to those that were read.
+    pub fn note_input(&mut self, path: &Path) {
+        self.inputs.extend(FileId::of(path));
+    }
+
+    /// The files that were read, which no output may replace.
+    pub fn inputs(&self) -> &[FileId] {
+        &self.inputs
+    }
+
+    fn add_step_text(&mut self, file: &Path, text: String, diagnostics: &mut Diagnostics) {
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let text = match std::fs::read_to_string(file) {
-            Ok(text) => text,
-            Err(error) => {
-                diagnostics.push(Diagnostic::error(format!("cannot read {}: {error}", file.display())));
-                return;
-            }
-        };
+        self.inputs.extend(FileId::of(file));
         if let Some(known) = self.steps.get(&name) {
             if self.sources.text(known.text) == text {
                 return;

@@ -1,0 +1,50 @@
+//! PNG files that an earlier run has made.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use super::png::KEYWORD;
+use crate::files::{Chosen, read_bytes};
+use crate::shade::Size;
+
+/// A whole picture in a file.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct MadePng {
+    /// The key of the job that made it, where it says so.
+    pub key: Option<String>,
+}
+
+/// Looks at a PNG file that is to be a picture of this size: all of it is decoded, and its checksums are compared.
+///
+/// Errors: what is wrong with it, as the end of a sentence that begins with its name.
+pub fn read_png(path: &Path, size: Size) -> Result<MadePng, String> {
+    // Compressed data is a little longer than what it holds, at most.
+    let raw = u64::from(size.height) * (u64::from(size.width) * 3 + 1);
+    let bytes = read_bytes(path, raw + raw / 64 + (1 << 20), Chosen::Found).map_err(|error| error.to_string())?;
+    let broken = |error: png::DecodingError| format!("it is no whole PNG ({error})");
+    let mut decoder = png::Decoder::new_with_options(Cursor::new(bytes), strict());
+    decoder.set_transformations(png::Transformations::IDENTITY);
+    let mut reader = decoder.read_info().map_err(broken)?;
+    let info = reader.info();
+    if (info.width, info.height) != (size.width, size.height) {
+        return Err(format!("its size is {}x{} and not {}x{}", info.width, info.height, size.width, size.height));
+    }
+    if (info.color_type, info.bit_depth) != (png::ColorType::Rgb, png::BitDepth::Eight) {
+        return Err("its pixels are not three bytes of colour".into());
+    }
+    let key = info.uncompressed_latin1_text.iter().find(|text| text.keyword == KEYWORD).map(|text| text.text.clone());
+    let mut rows = 0;
+    while reader.next_row().map_err(broken)?.is_some() {
+        rows += 1;
+    }
+    reader.finish().map_err(broken)?;
+    if rows == size.height { Ok(MadePng { key }) } else { Err("it is no whole PNG (rows are missing)".into()) }
+}
+
+/// Compares every checksum.
+fn strict() -> png::DecodeOptions {
+    let mut options = png::DecodeOptions::default();
+    options.set_ignore_checksums(false);
+    options.set_skip_ancillary_crc_failures(false);
+    options
+}
