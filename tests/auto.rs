@@ -18,12 +18,10 @@ use bulbfold::shade::Size;
 const SIZE: Size = Size { width: 320, height: 240 };
 /// Rays that the choice is judged on: a bar of 0.5 % needs far more than the 300 of a glance.
 const RAYS: usize = 2000;
-/// Time of a calibration.
-const TIME: std::time::Duration = std::time::Duration::from_millis(600);
 
-/// The default options on a small picture, with time enough on a slow machine too: what is chosen shall not depend on it.
+/// The default options on a small picture.
 fn options(formula: &Formula) -> Options {
-    Options { size: SIZE, cache: None, time: TIME, ..Options::of_view(&formula.subject()) }
+    Options { size: SIZE, cache: None, ..Options::of_view(&formula.subject()) }
 }
 
 fn calibrated(formula: &Formula, options: &Options) -> Calibration {
@@ -203,7 +201,7 @@ fn what_is_fixed_stays() {
 #[test]
 fn choices_are_the_same_twice() {
     let formula = Formula::builtin("menger_bulb").unwrap().without_calibration();
-    let options = Options { time: std::time::Duration::from_secs(20), ..options(&formula) };
+    let options = options(&formula);
     let [a, b] = [(); 2].map(|()| calibrated(&formula, &options));
     assert_eq!((a.chosen, a.evidence, a.rays), (b.chosen, b.evidence, b.rays));
 }
@@ -233,6 +231,7 @@ fn a_budget_that_nothing_keeps_is_told_with_its_cause() {
     assert!(!calibration.is_within);
     let warning = &calibration.warnings[0];
     assert!(warning.contains("least bad") && warning.contains("bulb"), "{warning}");
+    assert_eq!(warning.lines().count(), 2, "{warning}");
 }
 
 #[test]

@@ -136,8 +136,7 @@ fn hits_are_those_of_plain_marches_and_of_brute_force() {
     for name in sampled::sampled(3) {
         let formula = Formula::builtin(name).unwrap().without_calibration();
         let subject = formula.subject();
-        let time = std::time::Duration::from_millis(600);
-        let options = Options { size: SIZE, cache: None, time, ..Options::of_view(&subject) };
+        let options = Options { size: SIZE, cache: None, ..Options::of_view(&subject) };
         let plan = calibrate(&subject, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{}", e.message)).plan;
         let (chosen, truths) = truths(&subject, &plan, &options.camera);
         for target in backends.targets() {

@@ -28,8 +28,7 @@ fn the_choice_is_written_and_nothing_else_changes() {
     std::fs::write(path("ball.ron"), "(nodes: { \"ball\": Sphere(radius: 1) })").unwrap();
     std::fs::write(path("broken.ron"), "(nodes: { \"a\": nothing() })").unwrap();
     let files = ["sponge.ron", "scene.ron", "ball.ron", "broken.ron"];
-    let arguments =
-        |files: &[&'static str]| [&["calibrate"], files, &["--write", "--size", "320x240", "--time", "60"]].concat();
+    let arguments = |files: &[&'static str]| [&["calibrate"], files, &["--write", "--size", "320x240"]].concat();
     let output = bulbfold(folder.path(), &arguments(&files));
     assert_eq!(output.status.code(), Some(1), "{}", texts(&output));
     for text in ["2 of 4 files changed, 1 failed", "no orbit", "unknown step or node kind `nothing`"] {

@@ -1,51 +1,64 @@
 //! Why nothing keeps the budget: the step of the formula that no estimate gets right, and what would help.
 
-use super::{Options, Row};
-use crate::check::Subject;
-use crate::check::health::{Finding, Kind, Severity, check_steps};
-use crate::diag::Diagnostic;
+use super::Row;
+use crate::check::health::{Finding, Health, Kind, Severity};
+use crate::check::truth::Budget;
 use crate::graph::Method;
 
-/// The warning for a choice that is only the least bad.
-pub(super) fn warning(subject: &Subject, options: &Options, row: &Row) -> Result<String, Diagnostic> {
-    let budget = &options.budget;
-    let what = format!(
-        "no estimate keeps the error budget; the least bad, {} with fudge {}, misses {:.2} % of the hits (allowed are \
-         {:.2} %), and {:.2} % of its stops are early (allowed are {:.2} %)",
-        row.candidate.name(),
-        row.candidate.fudge,
-        100.0 * row.missed,
-        100.0 * budget.missed,
-        100.0 * row.early,
-        100.0 * budget.early
-    );
-    let health = check_steps(subject)?;
+/// The warning for a choice that is only the least bad: what is wrong with it, and in a second line the likely cause and what helps.
+pub(super) fn warning(health: &Health, budget: &Budget, row: &Row) -> String {
+    let mut wrong = Vec::new();
+    let mut say = |share: f64, allowed: f64, what: &str| {
+        if share > allowed {
+            wrong.push(format!("{what} {:.2} % (allowed {:.2} %)", 100.0 * share, 100.0 * allowed));
+        }
+    };
+    say(row.missed.share(), budget.missed, "misses");
+    say(row.early.share(), budget.early, "stops early at");
+    if row.error > budget.error {
+        wrong.push(format!("errs by {:.2} footprints (allowed {})", row.error.min(999.0), budget.error));
+    }
+    if wrong.is_empty() {
+        wrong.push("misses more of the hits that brute force finds than chance explains".into());
+    }
+    let (name, fudge) = (row.candidate.name(), row.candidate.fudge);
+    let what =
+        format!("no estimate keeps the error budget; the least bad, {name} at fudge {fudge}, {}", wrong.join(" and "));
     let uses_rules = matches!(row.candidate.method, Some(Method::Scalar | Method::Combined));
-    let culprit = health
-        .findings
-        .iter()
-        .filter(|f| is_cause(f) && (uses_rules || f.kind != Kind::Rule))
-        .max_by_key(|f| (rank(f.kind), f.severity));
-    Ok(match culprit {
-        Some(finding) => format!("{what}. The cause is likely this: {}. What helps: {}", finding.message, finding.help),
+    let causes = health.findings.iter().filter(|finding| rank(finding, uses_rules) > 0);
+    match causes.max_by_key(|finding| (rank(finding, uses_rules), finding.severity)) {
+        Some(finding) => format!("{what}\nlikely cause: {}; {}", finding.message, finding.help),
         None => format!(
-            "{what}. No single step is to blame: each is continuous and keeps its rule. What helps: fewer iterations, or \
-             more pixels, since what is missed is finer than they are; `--de certified` where it was not tried"
+            "{what}\nno step is to blame: each is continuous and keeps its rule; fewer iterations or more pixels help, since what \
+             is missed is finer than they are"
         ),
+    }
+}
+
+/// The warning for a choice that is seen to keep the budget, but might not: its bound is outside.
+pub(super) fn doubt(row: &Row, budget: &Budget) -> Option<String> {
+    let is_in_doubt = row.is_within(budget) && !row.is_shown(budget) && row.missed.seen > 0;
+    is_in_doubt.then(|| {
+        format!(
+            "the estimate may miss more than is allowed: it missed {} of {} hits, so up to {:.2} % (allowed {:.2} %)",
+            row.missed.seen,
+            row.missed.of,
+            100.0 * row.missed.bound(),
+            100.0 * budget.missed
+        )
     })
 }
 
-fn is_cause(finding: &Finding) -> bool {
-    rank(finding.kind) > 0 && (finding.kind != Kind::Rule || finding.severity != Severity::Warning)
-}
-
-/// What explains missed hits best: a jump before an unbounded stretch before a rule that is exceeded.
-fn rank(kind: Kind) -> u8 {
-    match kind {
-        Kind::NotANumber => 4,
-        Kind::Jump => 3,
-        Kind::Stretch => 2,
-        Kind::Rule => 1,
+/// What explains errors best: values that are no numbers, a rule that is broken almost everywhere, a jump before an unbounded
+/// stretch, a rule that is exceeded here and there. 0 is no cause.
+fn rank(finding: &Finding, uses_rules: bool) -> u8 {
+    match (finding.kind, finding.severity) {
+        (Kind::NotANumber, _) => 5,
+        // Without the rule there is no cheap estimate that never oversteps, whatever method is the least bad.
+        (Kind::Rule, Severity::Wrong) => 4,
+        (Kind::Jump, _) => 3,
+        (Kind::Stretch, _) => 2,
+        (Kind::Rule, Severity::Note) if uses_rules => 1,
         _ => 0,
     }
 }

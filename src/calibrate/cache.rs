@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::{Calibration, Candidate, Options, Origin, Row, Space, Verdict};
+use super::{Calibration, Candidate, Count, Options, Origin, Row, Space, Verdict};
 use crate::check::Subject;
 use crate::check::truth::compose_membership;
 use crate::compose::{Purpose, field_orbits};
@@ -21,7 +21,7 @@ use crate::graph::{DeForm, Method, NodeKind};
 use crate::kernel::listing::listing as instructions;
 
 /// Counts changes of the calibration itself: what older programs kept is not read any more.
-const VERSION: u32 = 12;
+const VERSION: u32 = 13;
 
 /// The user's folder for calibrations: `$BULBFOLD_CACHE`, else `bulbfold` in the system's folder for caches. `None` where
 /// there is none, or the variable is empty.
@@ -57,9 +57,12 @@ pub fn key(subject: &Subject, options: &Options) -> Result<String, Diagnostic> {
             text.push_str(subject.library.sources.text(step.text));
         }
     }
-    let Options { budget, wanted, camera, size, primary_rays: _, target, time: _, seed, cache: _ } = options;
-    let _ =
-        write!(text, "{budget:?} {wanted:?} {camera:?} {size:?} {target:?} {seed} {}", subject.plan.bounding_radius);
+    let Options { budget, wanted, camera, size, target, effort, seed, cache: _ } = options;
+    let _ = write!(
+        text,
+        "{budget:?} {wanted:?} {camera:?} {size:?} {target:?} {effort} {seed} {}",
+        subject.plan.bounding_radius
+    );
     Ok(format!("{:032x}.json", hash(text.as_bytes())))
 }
 
@@ -79,21 +82,24 @@ pub struct Entry {
     rays: [usize; 2],
     reason: String,
     warnings: Vec<String>,
+    notes: Vec<String>,
 }
 
 impl Entry {
-    pub(super) fn into_calibration(self, space: &Space, rows: u32, start: Instant) -> Calibration {
+    pub(super) fn into_calibration(self, space: &Space, options: &Options, start: Instant) -> Calibration {
         let mut plan = space.plan(&self.chosen);
         plan.choices.iter_mut().for_each(|choice| choice.reason.clone_from(&self.reason));
         Calibration {
             chosen: self.chosen.settings(),
             plan,
             origin: Origin::Cached,
+            budget: options.budget,
             is_within: self.is_within,
-            rows,
+            rows: options.size.height,
             evidence: self.evidence,
             rays: self.rays,
             warnings: self.warnings,
+            notes: self.notes,
             time: start.elapsed(),
         }
     }
@@ -112,6 +118,7 @@ pub fn write(path: &Path, calibration: &Calibration) -> std::io::Result<()> {
         "rays": calibration.rays,
         "reason": calibration.plan.choices.first().map_or("", |c| c.reason.as_str()),
         "warnings": calibration.warnings,
+        "notes": calibration.notes,
         "evidence": calibration.evidence.iter().map(row_json).collect::<Vec<_>>(),
     });
     crate::files::write(path, format!("{text:#}\n").as_bytes())
@@ -120,7 +127,9 @@ pub fn write(path: &Path, calibration: &Calibration) -> std::io::Result<()> {
 /// Reads a file; nothing where it is missing or is not what [`write()`] writes.
 pub fn read(path: &Path) -> Option<Entry> {
     let value: Value = serde_json::from_str(&read_text(path, MAX_TEXT, Chosen::Found).ok()?).ok()?;
-    let texts = value["warnings"].as_array()?.iter().map(|v| v.as_str().map(String::from));
+    let texts = |name: &str| -> Option<Vec<String>> {
+        value[name].as_array()?.iter().map(|v| v.as_str().map(String::from)).collect()
+    };
     let rays = value["rays"].as_array()?;
     let count = |i: usize| rays.get(i).and_then(Value::as_u64).map(|n| n as usize);
     Some(Entry {
@@ -129,7 +138,8 @@ pub fn read(path: &Path) -> Option<Entry> {
         evidence: value["evidence"].as_array()?.iter().map(row).collect::<Option<_>>()?,
         rays: [count(0)?, count(1)?],
         reason: value["reason"].as_str()?.to_string(),
-        warnings: texts.collect::<Option<_>>()?,
+        warnings: texts("warnings")?,
+        notes: texts("notes")?,
     })
 }
 
@@ -140,12 +150,17 @@ fn candidate_json(candidate: &Candidate) -> Value {
     })
 }
 
-/// A row as JSON: the candidate's fields, `missed`, `early`, `error`, `estimates`, `cost` and `why_not` (null where it is
+/// A row as JSON: the candidate's fields, `missed` and `early` (shares), what they were counted of (`hits`, `stops`) and their
+/// bounds with 95 % confidence (`missed_bound`, `early_bound`), `error`, `estimates`, `cost` and `why_not` (null where it is
 /// chosen). Numbers that are not finite are null.
 pub fn row_json(row: &Row) -> Value {
     let mut value = candidate_json(&row.candidate);
-    value["missed"] = row.missed.into();
-    value["early"] = row.early.into();
+    for (name, of, count) in [("missed", "hits", row.missed), ("early", "stops", row.early)] {
+        value[name] = count.share().into();
+        value[format!("{name}_seen")] = count.seen.into();
+        value[of] = count.of.into();
+        value[format!("{name}_bound")] = count.bound().into();
+    }
     value["error"] = row.error.into();
     value["estimates"] = row.estimates.into();
     value["cost"] = row.cost.into();
@@ -168,10 +183,14 @@ fn candidate(value: &Value) -> Option<Candidate> {
 
 fn row(value: &Value) -> Option<Row> {
     let number = |name: &str| value[name].as_f64();
+    let count = |seen: &str, of: &str| {
+        let whole = |name: &str| value[name].as_u64().map(|n| n as usize);
+        Some(Count { seen: whole(seen)?, of: whole(of)? })
+    };
     Some(Row {
         candidate: candidate(value)?,
-        missed: number("missed")?,
-        early: number("early")?,
+        missed: count("missed_seen", "hits")?,
+        early: count("early_seen", "stops")?,
         error: number("error").unwrap_or(f64::INFINITY),
         estimates: number("estimates")?,
         cost: number("cost")?,

@@ -5,9 +5,10 @@ use crate::compose::{FieldOrbit, Plan, field_orbits};
 use crate::graph::{DeForm, EstimateSettings, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method};
 
 /// Step multipliers, from the cheapest.
-pub const FUDGES: [f64; 5] = [1.0, 0.7, 0.5, 0.35, 0.25];
+pub const FUDGES: [f64; 8] = [1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05];
 /// Shortest steps as shares of the hit threshold, from the cheapest.
-pub const LEAST_STEPS: [f64; 4] = [LEAST_STEP, LEAST_STEP / 4.0, LEAST_STEP / 16.0, LEAST_STEP / 64.0];
+pub const LEAST_STEPS: [f64; 5] =
+    [LEAST_STEP, LEAST_STEP / 4.0, LEAST_STEP / 16.0, LEAST_STEP / 64.0, LEAST_STEP / 256.0];
 
 /// One way of estimating distances and stepping by them.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -54,6 +55,10 @@ pub struct Space {
     pub fudges: Vec<f64>,
     /// Shortest steps, falling.
     pub least_steps: Vec<f64>,
+    /// Whether proofs are asked for, at any price.
+    pub wants_proof: bool,
+    /// What to tell where they are and no proof applies.
+    pub unproven: Option<String>,
 }
 
 impl Space {
@@ -77,6 +82,15 @@ impl Space {
         if kinds.is_empty() {
             kinds.push((base.choices.first().map(|choice| choice.method), None));
         }
+        let wants_proof = wanted.quality.is_some() || fixed.iter().any(|e| e.quality.is_some());
+        let is_proof = |kind: &(Option<Method>, Option<DeForm>)| kind.0.is_some_and(Method::is_certified);
+        let has_proofs = kinds.iter().any(is_proof);
+        if wants_proof && has_proofs {
+            kinds.retain(is_proof);
+        }
+        let unproven = (wants_proof && !has_proofs).then(|| {
+            "no proof applies to this formula, so the cheapest estimate is taken that keeps the budget".into()
+        });
         let other = |(method, _): &(Option<Method>, _)| Some((*method, Some(other_form(&base, &fixed, *method)?)));
         let others: Vec<_> = kinds.iter().filter_map(other).collect();
         kinds.extend(others);
@@ -85,7 +99,7 @@ impl Space {
             true => LEAST_STEPS.to_vec(),
             false => vec![base.least_step],
         };
-        Space { base, orbits, fixed, kinds, fudges, least_steps }
+        Space { base, orbits, fixed, kinds, fudges, least_steps, wants_proof, unproven }
     }
 
     /// True where nothing is left to choose.
@@ -150,7 +164,7 @@ impl Space {
             let is_proof = method.is_some_and(Method::is_certified);
             match is_proof {
                 true => Candidate { method, form: None, fudge: self.fudges[0], least_step: self.longest_step(method) },
-                false => Candidate { method, form: None, fudge: self.fudges[self.fudges.len().min(4) - 1], least_step },
+                false => Candidate { method, form: None, fudge: self.fudges[self.fudges.len().min(5) - 1], least_step },
             }
         };
         methods.into_iter().take(2).map(with).collect()

@@ -3,8 +3,9 @@
 //! In comes a [`Subject`] and [`Options`] (view, budget, what is fixed already); out comes a [`Calibration`]: the chosen
 //! settings, the plan that they make, and the evidence, a [`Row`] for every candidate that was tried. A few hundred rays
 //! of the view are walked by brute force, which is the truth; then candidates (method, form, step multiplier, shortest
-//! step) march the same rays, the cheapest first, until one stays inside the budget. Cost is counted in operations and
-//! not timed, so that the same formula and view give the same choice on every machine. Outcomes are kept in a [`cache`].
+//! step) march them and others, the cheapest first, until one is shown to stay inside the budget. Cost is counted in
+//! operations, and so is what a calibration itself may take: no clock has a say, and the same formula, view and settings give
+//! the same choice on every machine, under any load. Outcomes are kept in a [`cache`].
 //!
 //! ```
 //! use bulbfold::calibrate::{Options, calibrate};
@@ -19,35 +20,44 @@
 mod blame;
 pub mod cache;
 mod candidate;
+mod choice;
+mod evidence;
+mod marching;
+mod meter;
 mod race;
+mod sight;
 pub mod written;
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 pub use candidate::{Candidate, FUDGES, LEAST_STEPS, Space};
+pub use evidence::Count;
+pub use race::MOST_PRICE;
 
+use crate::check::health::{Kind, check_steps};
 pub use crate::check::truth::Budget;
-use crate::check::truth::{Scale, Truths, view_rays};
+use crate::check::truth::{Ray, Scale, Truths, view_rays};
 use crate::check::{Subject, Target};
 use crate::compose::{Plan, choose, field_orbits};
 use crate::diag::Diagnostic;
 use crate::graph::{CALIBRATED_ROWS, Camera, EstimateSettings};
 use crate::shade::{Size, frame_automatically};
-use race::{Race, time_of_render};
+use choice::{Terms, rows};
+use marching::Marching;
+use meter::Meter;
+use race::Race;
 
-/// Time that a calibration may always take.
-pub const LEAST_TIME: Duration = Duration::from_millis(300);
-/// Share of a render's time that it may take where that is more.
-const SHARE_OF_RENDER: f64 = 0.1;
-/// What a pixel takes besides its primary ray (its shadow and its colour), as a share of that.
-const BESIDES_PRIMARY: f64 = 1.0;
-/// Rays of the truth that are taken even where they take longer than they may, most rays, and hits that are enough.
-const FIRST_RAYS: usize = 48;
-const MOST_RAYS: usize = 4000;
+/// Rays of the truth that are taken even where they cost more than they may, most rays, and hits that are enough.
+const FIRST_RAYS: usize = 24;
+const MOST_TRUTHS: usize = 4000;
 const ENOUGH_HITS: usize = 500;
-/// Share of the time that the truth may take; the candidates take the rest.
-const SHARE_OF_TRUTH: f64 = 0.6;
+/// Share of all work that the truth may take; the candidates take the rest.
+const SHARE_OF_TRUTH: f64 = 0.4;
+/// Most rays that candidates march, those with a truth included.
+const MOST_RAYS: usize = 24_000;
+/// Estimates a ray from which on a choice is dear.
+const DEAR_ESTIMATES: f64 = 200.0;
 
 /// What a calibration goes by.
 #[derive(Clone, PartialEq, Debug)]
@@ -60,12 +70,11 @@ pub struct Options {
     pub camera: Camera,
     /// The picture's size, which says how large a footprint is.
     pub size: Size,
-    /// Primary rays of the whole render; 0 where nothing is rendered.
-    pub primary_rays: u64,
     /// What the candidates march on. Pictures of a GPU are calibrated on the CPU in single precision.
     pub target: Target,
-    /// Time that it may take, where a tenth of the render is less.
-    pub time: Duration,
+    /// How much it may compute, as a multiple of what it may by default: a tenth of a picture of one sample a pixel, or
+    /// some 10^9 products of two numbers where that is more.
+    pub effort: f64,
     /// Which random rays.
     pub seed: u64,
     /// Folder of the cache; `None` neither reads nor writes one.
@@ -80,9 +89,8 @@ impl Options {
             wanted: EstimateSettings::default(),
             camera: camera_of(subject),
             size: Size { width: 1280, height: 720 },
-            primary_rays: 0,
             target: Target::CpuF32,
-            time: LEAST_TIME,
+            effort: 1.0,
             seed: 1,
             cache: cache::folder(),
         }
@@ -108,10 +116,10 @@ pub enum Verdict {
 pub struct Row {
     /// The candidate.
     pub candidate: Candidate,
-    /// Share of the hits that it missed.
-    pub missed: f64,
-    /// Share of its stops that are early.
-    pub early: f64,
+    /// Missed hits, of all hits that are known.
+    pub missed: Count,
+    /// Early stops, of all its stops.
+    pub early: Count,
     /// Median depth error, in footprints.
     pub error: f64,
     /// Estimates a ray.
@@ -125,7 +133,12 @@ pub struct Row {
 impl Row {
     /// Whether what was measured keeps a budget.
     pub fn is_within(&self, budget: &Budget) -> bool {
-        self.missed <= budget.missed && self.early <= budget.early && self.error <= budget.error
+        self.missed.share() <= budget.missed && self.early.share() <= budget.early && self.error <= budget.error
+    }
+
+    /// Whether the bounds of what was counted are inside a budget too.
+    pub fn is_shown(&self, budget: &Budget) -> bool {
+        self.is_within(budget) && self.missed.bound() <= budget.missed && self.early.bound() <= budget.early
     }
 
     /// Whether it was chosen.
@@ -158,6 +171,8 @@ pub struct Calibration {
     pub plan: Plan,
     /// Where it comes from.
     pub origin: Origin,
+    /// Errors that were allowed.
+    pub budget: Budget,
     /// Whether it keeps the budget.
     pub is_within: bool,
     /// Rows of the picture that it is for.
@@ -166,16 +181,39 @@ pub struct Calibration {
     pub evidence: Vec<Row>,
     /// Rays with a settled truth, and those of them that hit.
     pub rays: [usize; 2],
-    /// What the user should know: that nothing keeps the budget and why, that the cache could not be used.
+    /// What the user should know: that nothing keeps the budget and why, that the cache could not be used. A second line says
+    /// what helps.
     pub warnings: Vec<String>,
-    /// Time that it took.
+    /// What the evidence does not show: candidates that were left out, and why.
+    pub notes: Vec<String>,
+    /// Time that it took; nothing was decided by it.
     pub time: Duration,
 }
 
 impl Calibration {
     /// The rules' choice, where measuring is switched off.
     pub fn by_rule(subject: &Subject) -> Calibration {
-        without_measuring(subject, Origin::Rules, CALIBRATED_ROWS, Instant::now())
+        without_measuring(subject, Origin::Rules, (Budget::default(), CALIBRATED_ROWS), Instant::now())
+    }
+
+    /// What a picture will cost, in a line, where the choice takes many estimates a ray.
+    pub fn dear(&self) -> Option<String> {
+        let chosen = self.evidence.iter().find(|row| row.is_chosen())?;
+        let cheapest = self.evidence.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        let line =
+            format!("the estimate is dear: {} takes {:.0} estimates a ray", chosen.candidate.name(), chosen.estimates);
+        let beside = || {
+            format!(
+                ", {:.1} times the price of {} at fudge {}, which misses {:.2} % of {} hits",
+                chosen.cost / cheapest.cost.max(1e-9),
+                cheapest.candidate.name(),
+                cheapest.candidate.fudge,
+                100.0 * cheapest.missed.share(),
+                cheapest.missed.of
+            )
+        };
+        let is_dear = chosen.estimates >= DEAR_ESTIMATES;
+        is_dear.then(|| if cheapest.is_chosen() { line } else { line + beside().as_str() })
     }
 }
 
@@ -188,8 +226,10 @@ pub fn calibrate(
     let start = Instant::now();
     let estimates: Vec<EstimateSettings> =
         field_orbits(&subject.composer()).into_iter().map(|orbit| orbit.settings.estimate).collect();
-    if estimates.iter().any(|estimate| estimate.is_too_coarse_for(options.size.height)) {
-        // The file's choice is for coarser pixels: it is measured as if the file carried none.
+    let is_too_coarse = estimates.iter().any(|estimate| estimate.is_too_coarse_for(options.size.height));
+    let asks_for_proof = options.wanted.quality.is_some() && estimates.iter().any(|e| e.calibrated.is_some());
+    if is_too_coarse || asks_for_proof {
+        // The file's choice is for coarser pixels, or another wish: it is measured as if the file carried none.
         let graph = subject.graph.without_calibration();
         let (library, arena) = (subject.library, subject.arena);
         let mut finer = Subject { library, graph: &graph, arena, plan: subject.plan.clone() };
@@ -208,12 +248,12 @@ pub fn calibrate(
         } else {
             Origin::Fixed
         };
-        return Ok(without_measuring(subject, origin, options.size.height, start));
+        return Ok(without_measuring(subject, origin, (options.budget, options.size.height), start));
     }
     let key = options.cache.as_ref().map(|_| cache::key(subject, options)).transpose()?;
     let entry = options.cache.as_ref().zip(key).map(|(folder, key)| folder.join(key));
     if let Some(found) = entry.as_ref().and_then(|path| cache::read(path)) {
-        return Ok(found.into_calibration(&space, options.size.height, start));
+        return Ok(found.into_calibration(&space, options, start));
     }
     let mut calibration = measure(subject, options, &space, start, progress)?;
     if let Some(path) = entry
@@ -225,16 +265,18 @@ pub fn calibrate(
     Ok(calibration)
 }
 
-fn without_measuring(subject: &Subject, origin: Origin, rows: u32, start: Instant) -> Calibration {
+fn without_measuring(subject: &Subject, origin: Origin, (budget, rows): (Budget, u32), start: Instant) -> Calibration {
     Calibration {
         chosen: EstimateSettings::default(),
         plan: subject.plan.clone(),
         origin,
+        budget,
         is_within: true,
         rows,
         evidence: Vec::new(),
         rays: [0, 0],
         warnings: Vec::new(),
+        notes: Vec::new(),
         time: start.elapsed(),
     }
 }
@@ -246,76 +288,77 @@ fn measure(
     start: Instant,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Calibration, Diagnostic> {
-    let time = options.time.max(time_of_render(subject, options, space)?.mul_f64(SHARE_OF_RENDER));
-    let deadline = start + time;
-    let until = start + time.mul_f64(SHARE_OF_TRUTH);
-    let truths = find_truths(subject, options, until, &mut |share| progress(share * SHARE_OF_TRUTH))?;
+    let scale = Scale::of_view(&options.camera, options.size, subject.plan.bounding_radius);
+    let marching = Marching::new(subject, options, scale);
+    let rays = view_rays(&options.camera, options.size, MOST_TRUTHS, options.seed);
+    let (pilot, work) = marching.pilot(&space.plan(&space.by_rule()), &rays)?;
+    let mut meter = Meter::new(options, pilot.price);
+    meter.compiled(&work);
+    let truths = find_truths(subject, (&rays, scale), &mut meter, progress)?;
     let [hits, misses, _] = truths.counts();
-    let mut race = Race::new(subject, options, space, &truths);
-    let mut told = || progress(SHARE_OF_TRUTH + (1.0 - SHARE_OF_TRUTH) * share_of(start, deadline));
-    race.run(deadline, &mut told)?;
-    let (chosen, evidence) = race.finish();
-    let mut plan = space.plan(&chosen);
+    let outcome = Race::new(options, space, &truths, marching, (&mut meter, pilot)).run(progress)?;
+    let terms = Terms { budget: &options.budget, proof: space.wants_proof };
+    let mut health = None;
+    let evidence = rows(&outcome.tried, terms, &mut || {
+        let found = check_steps(subject)?;
+        let jumps = found.findings.iter().any(|finding| finding.kind == Kind::Jump);
+        health = Some(found);
+        Ok::<bool, Diagnostic>(jumps)
+    })?;
     let row = evidence.iter().find(|row| row.is_chosen());
-    let is_within = row.is_some_and(|row| row.is_within(&options.budget));
+    let chosen = row.map_or_else(|| space.by_rule(), |row| row.candidate);
+    let mut plan = space.plan(&chosen);
     if let Some(row) = row {
-        let reason = reason(row, hits, misses + hits);
+        let reason = reason(row);
         plan.choices.iter_mut().for_each(|choice| choice.reason = reason.clone());
     }
     let mut warnings = Vec::new();
-    if let (false, Some(row)) = (is_within, row) {
-        warnings.push(blame::warning(subject, options, row)?);
-    }
+    warnings.extend(space.unproven.clone());
+    warnings.extend(row.zip(health).map(|(row, health)| blame::warning(&health, &options.budget, row)));
+    warnings.extend(row.and_then(|row| blame::doubt(row, &options.budget)));
     Ok(Calibration {
         chosen: chosen.settings(),
         plan,
         origin: Origin::Measured,
-        is_within,
+        budget: options.budget,
+        is_within: row.is_some_and(|row| row.is_within(&options.budget)),
         rows: options.size.height,
         evidence,
         rays: [hits + misses, hits],
         warnings,
+        notes: outcome.notes,
         time: start.elapsed(),
     })
 }
 
-fn share_of(start: Instant, deadline: Instant) -> f64 {
-    let (passed, all) = (start.elapsed().as_secs_f64(), (deadline - start).as_secs_f64());
-    (passed / all.max(1e-9)).min(1.0)
-}
-
-fn reason(row: &Row, hits: usize, rays: usize) -> String {
+fn reason(row: &Row) -> String {
     format!(
-        "measured: of {hits} hits on {rays} rays {:.2} % missed, {:.2} % of the stops early",
-        100.0 * row.missed,
-        100.0 * row.early
+        "measured: of {} hits {:.2} % missed, of {} stops {:.2} % early",
+        row.missed.of,
+        100.0 * row.missed.share(),
+        row.early.of,
+        100.0 * row.early.share()
     )
 }
 
-/// The truth of a few rays, then of as many more as the time allows and the hits call for.
+/// The truth of a few rays, then of as many more as may be walked and the hits call for.
 fn find_truths(
     subject: &Subject,
-    options: &Options,
-    until: Instant,
+    (rays, scale): (&[Ray], Scale),
+    meter: &mut Meter,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Truths, Diagnostic> {
     let composer = subject.composer();
-    let scale = Scale::of_view(&options.camera, options.size, subject.plan.bounding_radius);
-    let rays = view_rays(&options.camera, options.size, MOST_RAYS, options.seed);
-    let begin = Instant::now();
     let mut truths = Truths::find(&composer, &subject.plan.choices, &rays[..FIRST_RAYS], scale, &mut |_| true)?;
-    let each = begin.elapsed().as_secs_f64() / FIRST_RAYS as f64;
-    let left = until.saturating_duration_since(Instant::now()).as_secs_f64();
-    let affordable = FIRST_RAYS + (left / each.max(1e-9)) as usize;
+    let each = truths.members().operations() / FIRST_RAYS as f64;
+    let affordable = (SHARE_OF_TRUTH * meter.limit() / each.max(1.0)) as usize;
     let share = truths.counts()[0].max(1) as f64 / FIRST_RAYS as f64;
     let wanted = (ENOUGH_HITS as f64 / share) as usize;
-    let count = wanted.min(affordable).clamp(FIRST_RAYS, MOST_RAYS);
-    let more = Truths::find(&composer, &subject.plan.choices, &rays[FIRST_RAYS..count], scale, &mut |share| {
-        progress(share);
+    let count = wanted.min(affordable).clamp(FIRST_RAYS, MOST_TRUTHS);
+    truths.extend(&rays[FIRST_RAYS..count], &mut |share| {
+        progress(share * SHARE_OF_TRUTH);
         true
-    })?;
-    truths.rays.extend(more.rays);
-    truths.depths.extend(more.depths);
-    truths.thick.extend(more.thick);
+    });
+    meter.spend(truths.members().operations());
     Ok(truths)
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::path::PathBuf;
 
 use bulbfold::calibrate::Budget;
-use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, PRESET};
+use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, PRESET, Quality};
 use bulbfold::kernel::cpu::Precision;
 use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
 use bulbfold::shade::Size;
@@ -169,9 +169,27 @@ pub struct AutoArgs {
     /// Measure which estimate is the cheapest that keeps the error budget, or go by rules
     #[arg(long, value_name = "on|off", default_value = "on", value_parser = parse_switch)]
     pub calibrate: Switch,
+    /// What else it goes for: `proof` takes proven steps at any price
+    #[arg(long, value_enum, value_name = "QUALITY")]
+    pub quality: Option<QualityArg>,
     /// Errors that are allowed: hits missed, stops too early, median depth error in footprints
     #[arg(long, value_name = "M%,E%,D", default_value = "0.5%,5%,0.5", value_parser = parse_budget)]
     pub error_budget: Budget,
+}
+
+/// What the choice of an estimate goes for besides the error budget.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
+pub enum QualityArg {
+    /// Steps that are proven, at any price.
+    Proof,
+}
+
+impl AutoArgs {
+    /// What is asked for; the rest is chosen.
+    pub fn settings(&self) -> EstimateSettings {
+        let quality = self.quality.map(|QualityArg::Proof| Quality::Proof);
+        EstimateSettings { quality, ..self.estimate.settings() }
+    }
 }
 
 /// `on` or `off`.

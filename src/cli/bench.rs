@@ -250,13 +250,12 @@ impl Bench<'_> {
 
     /// What a render takes, or every method that applies.
     fn plans(&self, composer: &Composer) -> Result<Vec<Plan>, Failure> {
-        let pixels = u64::from(self.arguments.size.width) * u64::from(self.arguments.size.height);
         let wish = Wish {
             estimate: &self.arguments.estimate,
             size: self.arguments.size,
             camera: self.graph.camera,
             precision: self.arguments.precision.unwrap_or(PrecisionArg::F32),
-            primary_rays: pixels,
+            effort: 1.0,
             quiet: true,
         };
         let plan = choose_estimate(self.session, self.graph, composer.arena, &wish)?.plan;

@@ -13,6 +13,16 @@ use super::calibrate_write;
 use super::calibration::{Wish, choose_estimate, json, pasted, table};
 use super::{Outcome, Session, usage};
 
+/// What a choice that many pictures will go by is worth.
+const EFFORT_OF_WRITING: f64 = 20.0;
+
+fn parse_effort(text: &str) -> Result<f64, String> {
+    match parse_positive(text)? {
+        effort if effort <= 1000.0 => Ok(effort),
+        _ => Err("it must be at most 1000".into()),
+    }
+}
+
 /// Arguments of `calibrate`.
 #[derive(Args, Debug)]
 #[command(after_help = "\
@@ -33,9 +43,10 @@ pub struct Arguments {
     /// Write the choice into the formula files, and print a line for each
     #[arg(long, conflicts_with_all = ["json", "set", "preset"])]
     write: bool,
-    /// Seconds that measuring a formula may take with --write; 500 hits are enough, and take a second or two
-    #[arg(long, value_name = "SECONDS", default_value = "30", value_parser = parse_positive, requires = "write")]
-    pub(super) time: f64,
+    /// How much may be computed, as a multiple of what a render would: more rays are walked by brute force, up to 500 hits
+    /// [default: 1, with --write 20]
+    #[arg(long, value_name = "TIMES", value_parser = parse_effort)]
+    effort: Option<f64>,
     /// Size of the picture, which says how fine a pixel is
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
     pub(super) size: Size,
@@ -50,6 +61,11 @@ pub struct Arguments {
 }
 
 impl Arguments {
+    /// How much may be computed.
+    pub(super) fn effort(&self) -> f64 {
+        self.effort.unwrap_or(if self.write { EFFORT_OF_WRITING } else { 1.0 })
+    }
+
     /// What a calibration is to know of the command.
     pub(super) fn wish(&self) -> Wish<'_> {
         Wish {
@@ -57,7 +73,7 @@ impl Arguments {
             size: self.size,
             camera: None,
             precision: self.precision,
-            primary_rays: 0,
+            effort: self.effort(),
             quiet: false,
         }
     }

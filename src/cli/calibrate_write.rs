@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 use std::rc::Rc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use bulbfold::calibrate::written::{with_outcome, without_outcome};
 use bulbfold::calibrate::{Budget, Calibration, Options, calibrate};
@@ -89,8 +89,8 @@ fn line(calibration: &Calibration, time: &str) -> String {
         row.candidate.fudge,
         format!("{:.4}", row.candidate.least_step),
         calibration.rays[1],
-        100.0 * row.missed,
-        100.0 * row.early,
+        100.0 * row.missed.share(),
+        100.0 * row.early.share(),
         row.error
     )
 }
@@ -183,11 +183,9 @@ fn measure(
         }
         let wish = arguments.wish();
         let mut subject = Subject { plan: subject.plan.clone(), ..*subject };
-        let wanted = wish.estimate.estimate.settings();
+        let wanted = wish.estimate.settings();
         subject.plan = choose(&subject.composer(), &wanted).map_err(|error| told(session.failure(error)))?;
-        let time = Duration::from_secs_f64(arguments.time.min(3600.0));
-        // Another run may have measured in less time, so what it kept is not taken.
-        let options = Options { budget, time, cache: None, ..options(&subject, &wish) };
+        let options = Options { budget, cache: None, ..options(&subject, &wish) };
         let mut progress = Progress::new(false);
         let calibration = calibrate(&subject, &options, &mut |share| progress.update(share));
         progress.finish();

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::rc::Rc;
 
 use bulbfold::calibrate::written::calibrated;
-use bulbfold::calibrate::{Calibration, Options, Origin, Row, Verdict, cache, calibrate, camera_of};
+use bulbfold::calibrate::{Budget, Calibration, Options, Origin, Row, Verdict, cache, calibrate, camera_of};
 use bulbfold::check::{Subject, Target};
 use bulbfold::compose::{Composer, choose};
 use bulbfold::expr::Arena;
@@ -14,7 +14,8 @@ use serde_json::{Value, json};
 
 use super::arguments::{AutoArgs, PrecisionArg};
 use super::progress::{Progress, short};
-use super::{Failure, Session};
+use super::session::talk;
+use super::{Failure, Session, usage};
 
 /// What a calibration needs to know of a command.
 pub struct Wish<'a> {
@@ -26,8 +27,8 @@ pub struct Wish<'a> {
     pub camera: Option<Camera>,
     /// Precision of the march.
     pub precision: PrecisionArg,
-    /// Primary rays of the render, or 0.
-    pub primary_rays: u64,
+    /// How much may be computed, as a multiple of what is usual.
+    pub effort: f64,
     /// No progress.
     pub quiet: bool,
 }
@@ -40,8 +41,7 @@ pub fn choose_estimate(
     wish: &Wish,
 ) -> Result<Calibration, Failure> {
     let composer = Composer { arena, library: &session.library, graph };
-    let plan =
-        choose(&composer, &wish.estimate.estimate.settings()).map_err(|diagnostic| session.failure(diagnostic))?;
+    let plan = choose(&composer, &wish.estimate.settings()).map_err(|diagnostic| session.failure(diagnostic))?;
     settle_estimate(session, Subject { library: &session.library, graph, arena, plan }, wish)
 }
 
@@ -50,6 +50,10 @@ pub fn settle_estimate(session: &Session, subject: Subject, wish: &Wish) -> Resu
     subject.plan.warnings.iter().for_each(|warning| session.warn(warning));
     // Points of a plane need no step multiplier, and no ray misses them.
     if subject.graph.plane.is_some() || !wish.estimate.calibrate.0 {
+        if wish.estimate.quality.is_some() && subject.graph.plane.is_none() {
+            let help = "drop one of them, or name a proof: `--de certified-ball`";
+            return Err(usage("`--quality` is for the measured choice, which `--calibrate off` switches off", help));
+        }
         return Ok(Calibration::by_rule(&subject));
     }
     let options = options(&subject, wish);
@@ -58,6 +62,9 @@ pub fn settle_estimate(session: &Session, subject: Subject, wish: &Wish) -> Resu
     progress.finish();
     let calibration = calibration.map_err(|diagnostic| session.failure(diagnostic))?;
     calibration.warnings.iter().for_each(|warning| session.warn(warning));
+    if let (Some(line), false) = (calibration.dear(), wish.quiet) {
+        talk(&format!("note: {line}"));
+    }
     Ok(calibration)
 }
 
@@ -65,11 +72,11 @@ pub fn settle_estimate(session: &Session, subject: Subject, wish: &Wish) -> Resu
 pub fn options(subject: &Subject, wish: &Wish) -> Options {
     Options {
         budget: wish.estimate.error_budget,
-        wanted: wish.estimate.estimate.settings(),
+        wanted: wish.estimate.settings(),
         camera: wish.camera.unwrap_or_else(|| camera_of(subject)),
         size: wish.size,
-        primary_rays: wish.primary_rays,
         target: if wish.precision == PrecisionArg::F64 { Target::CpuF64 } else { Target::CpuF32 },
+        effort: wish.effort,
         cache: cache::folder(),
         ..Options::of_view(subject)
     }
@@ -79,22 +86,24 @@ pub fn options(subject: &Subject, wish: &Wish) -> Options {
 pub fn table(calibration: &Calibration) -> String {
     let mut text = String::new();
     let [rays, hits] = calibration.rays;
+    let walked = format!("{rays} rays walked by brute force, {hits} hits");
     let time = short(calibration.time);
     let _ = match calibration.origin {
         Origin::Rules => writeln!(text, "calibration          none, or switched off; the estimate is chosen by rules"),
         Origin::File => writeln!(text, "calibration          none: the file says that its estimate is calibrated"),
         Origin::Fixed => writeln!(text, "calibration          none: there is nothing left to choose"),
-        Origin::Cached => writeln!(text, "calibration          {rays} rays, {hits} hits, kept from an earlier run"),
-        Origin::Measured => writeln!(text, "calibration          {rays} rays, {hits} hits, {time}"),
+        Origin::Cached => writeln!(text, "calibration          {walked}, kept from an earlier run"),
+        Origin::Measured => writeln!(text, "calibration          {walked}, {time}"),
     };
     if calibration.evidence.is_empty() {
         return text;
     }
+    text.push_str(&limits(&calibration.budget));
     let cheapest = calibration.evidence.iter().find(|row| row.is_chosen()).map_or(1.0, |row| row.cost.max(1e-9));
     let _ = writeln!(
         text,
-        "  {:<24}{:>6}{:>9}{:>9}{:>9}{:>9}{:>11}{:>7}",
-        "candidate", "fudge", "shortest", "missed", "early", "error", "estimates", "cost"
+        "  {:<24}{:>6}{:>9}  {:>22}{:>9}{:>9}{:>9}{:>9}{:>11}{:>7}",
+        "candidate", "fudge", "shortest", "missed", "at most", "early", "at most", "error", "estimates", "cost"
     );
     for row in &calibration.evidence {
         let verdict = match &row.verdict {
@@ -105,18 +114,31 @@ pub fn table(calibration: &Calibration) -> String {
         let Row { candidate, missed, early, error, estimates, cost, .. } = row;
         let _ = writeln!(
             text,
-            "  {:<24}{:>6}{:>9}{:>7.2} %{:>7.2} %{:>9.3}{:>11.1}{:>7.2}  {verdict}",
+            "  {:<24}{:>6}{:>9}  {:>22}{:>7.2} %{:>7.2} %{:>7.2} %{:>9.3}{:>11.1}{:>7.2}  {verdict}",
             candidate.name(),
             candidate.fudge,
             shown_share(candidate.least_step),
-            100.0 * missed,
-            100.0 * early,
+            format!("{} of {} = {:.2} %", missed.seen, missed.of, 100.0 * missed.share()),
+            100.0 * missed.bound(),
+            100.0 * early.share(),
+            100.0 * early.bound(),
             error,
             estimates,
             cost / cheapest
         );
     }
+    calibration.notes.iter().for_each(|note| text.push_str(&format!("  {note}\n")));
     text
+}
+
+/// The limits that are applied, in a line.
+fn limits(budget: &Budget) -> String {
+    format!(
+        "  to keep the budget, missed hits at most {:.2} % and early stops at most {:.2} %, with 95 % confidence; median error {}\n",
+        100.0 * budget.missed,
+        100.0 * budget.early,
+        budget.error
+    )
 }
 
 fn shown_share(share: f64) -> String {
@@ -140,6 +162,7 @@ pub fn json(calibration: &Calibration) -> Value {
         "hits": calibration.rays[1],
         "seconds": calibration.time.as_secs_f64(),
         "chosen": pasted(calibration),
+        "notes": calibration.notes,
         "candidates": calibration.evidence.iter().map(cache::row_json).collect::<Vec<_>>(),
     })
 }

@@ -186,7 +186,7 @@ fn key(arguments: &Arguments, session: &Session, graph: &ValidGraph) -> String {
         "{} {VERSION} {size:?} {quality} {} {:?} {:?}\n{}",
         env!("CARGO_PKG_VERSION"),
         arguments.samples,
-        arguments.estimate.estimate.settings(),
+        arguments.estimate.settings(),
         arguments.estimate.error_budget,
         graph_text(session, graph)
     );

@@ -119,7 +119,7 @@ impl Probe<'_> {
             size: RenderSettings::default().size,
             camera: None,
             precision: self.precision,
-            primary_rays: 0,
+            effort: 1.0,
             quiet: true,
         };
         let plan = choose_estimate(self.session, self.graph, self.arena, &wish)?.plan;

@@ -165,13 +165,12 @@ impl Arguments {
 
     /// What a calibration for one picture is to know.
     pub(super) fn wish(&self, graph: &ValidGraph, settings: &RenderSettings, precision: PrecisionArg) -> Wish<'_> {
-        let Size { width, height } = settings.size;
         Wish {
             estimate: &self.estimate,
             size: settings.size,
             camera: graph.camera,
             precision,
-            primary_rays: u64::from(width) * u64::from(height) * u64::from(settings.samples).pow(2),
+            effort: 1.0,
             quiet: self.quiet,
         }
     }

@@ -86,7 +86,9 @@ impl Session {
     /// Says something on stderr, as a warning.
     pub fn warn(&self, text: &str) {
         let mut d = Diagnostics::default();
-        d.push(Diagnostic::warning(text));
+        let (what, help) = text.split_once('\n').unwrap_or((text, ""));
+        let warning = Diagnostic::warning(what);
+        d.push(if help.is_empty() { warning } else { warning.help(help) });
         let _ = write!(std::io::stderr(), "{}", d.render(&self.library.sources, self.colour));
     }
 }

@@ -110,7 +110,7 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
         size: arguments.size,
         camera: None,
         precision,
-        primary_rays: 0,
+        effort: 1.0,
         quiet: false,
     };
     let plan = choose_estimate(session, &graph, &arena, &wish)?.plan;

@@ -22,7 +22,7 @@ pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
     CALIBRATED_ROWS, Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Join,
-    LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings, Plane,
+    LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings, Plane, Quality,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
 pub use validate::ValidGraph;

@@ -267,8 +267,17 @@ pub struct EstimateSettings {
     pub least_step: Option<f64>,
     /// Estimate, in pixels, below which a ray stops; `None` stops at members of the set alone.
     pub stop_at: Option<f64>,
+    /// What the choice goes for besides the error budget.
+    pub quality: Option<Quality>,
     /// Rows of the picture that these were measured on, where they are the outcome of a calibration.
     pub calibrated: Option<u32>,
+}
+
+/// What a choice of an estimate goes for besides the error budget.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Quality {
+    /// Steps that are proven, at any price.
+    Proof,
 }
 
 /// Rows of the picture that `calibrated: true` stands for: the default of `calibrate`, which is that of `render`.
@@ -289,6 +298,7 @@ impl EstimateSettings {
             step: self.step.or(other.step),
             least_step: self.least_step.or(other.least_step),
             stop_at: self.stop_at.or(other.stop_at),
+            quality: self.quality.or(other.quality),
             calibrated: self.calibrated.or(other.calibrated),
         }
     }

@@ -1,5 +1,6 @@
 //! Marches compared with the truth.
 
+use super::stops::{EARLY, EARLY_FOOTPRINTS};
 use super::{Ray, Scale, Truth, Truths, point, ray_columns, view_rays};
 use crate::check::formula::rendered;
 use crate::check::subject::Subject;
@@ -12,15 +13,8 @@ use crate::render::{RenderSettings, compose_pipeline};
 
 /// What is less likely than this is evidence.
 const UNLIKELY: f64 = 0.05;
-/// A stop in front of the truth by more than this share of the bounding radius is early.
-const EARLY: f64 = 0.005;
-/// In views so close that this many footprints are less than that, they decide.
-const EARLY_FOOTPRINTS: f64 = 4.0;
 /// A stop behind the truth by more than this many footprints has passed the surface.
 const BEHIND_FOOTPRINTS: f64 = 2.0;
-/// Points around an early stop that are asked whether something thin is there after all, and how far around, in pixel radii.
-const NEAR_STOP: usize = 33;
-const NEAR_STOP_REACH: f64 = 0.25;
 
 /// How a march ended on one ray.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -126,12 +120,14 @@ impl Judgement {
 }
 
 /// The chance of `count` or more of `of` independent events that happen at `rate` each.
-fn chance_of_at_least(count: usize, of: usize, rate: f64) -> f64 {
-    let mut term = (1.0 - rate).powi(of as i32);
+pub fn chance_of_at_least(count: usize, of: usize, rate: f64) -> f64 {
+    // By logarithms: of many events the first terms are below the least number.
+    let mut term = of as f64 * (1.0 - rate).ln();
+    let odds = (rate / (1.0 - rate).max(f64::MIN_POSITIVE)).ln();
     let mut below = 0.0;
     for k in 0..count {
-        below += term;
-        term *= (of.saturating_sub(k)) as f64 / (k + 1) as f64 * rate / (1.0 - rate).max(f64::MIN_POSITIVE);
+        below += term.exp();
+        term += (of.saturating_sub(k) as f64 / (k + 1) as f64).ln() + odds;
     }
     1.0 - below
 }
@@ -191,7 +187,7 @@ impl Truths {
             judged.undecided += usize::from(end.undecided);
             stops += usize::from(end.depth().is_some());
             if self.is_early(i, end) {
-                match self.is_member_near(self.rays[i], end.t) {
+                match self.are_members_near(&[(self.rays[i], end.t)])[0] {
                     true => judged.finer += 1,
                     false => early += 1,
                 }
@@ -236,17 +232,6 @@ impl Truths {
         let eps: Vec<f64> = places.iter().map(|(_, t)| self.scale.pixel_radius * t).collect();
         self.members().inside(&points, &eps)
     }
-
-    /// Whether the set has a member within an eighth of a footprint of a depth: fixed steps may pass over what is thinner
-    /// than they are, and then a march that stopped there was right.
-    fn is_member_near(&self, ray: Ray, t: f64) -> bool {
-        let reach = NEAR_STOP_REACH * self.scale.pixel_radius * t;
-        let offset = |k: usize| 2.0 * k as f64 / (NEAR_STOP - 1) as f64 - 1.0;
-        let mut points: Vec<[f64; 3]> = (0..NEAR_STOP).map(|k| point(ray, t + reach * offset(k))).collect();
-        points.push(point(ray, t));
-        let eps = vec![self.scale.pixel_radius * t; points.len()];
-        self.members().inside(&points, &eps).contains(&true)
-    }
 }
 
 /// Marches random rays of the formula's own view as a picture of these settings would, in f64, and compares them with the
@@ -276,6 +261,8 @@ mod tests {
         assert!((chance_of_at_least(2, 2, 0.5) - 0.25).abs() < 1e-12);
         assert_eq!(chance_of_at_least(0, 100, 0.3), 1.0);
         assert!(chance_of_at_least(3, 2, 0.5).abs() < 1e-12);
+        // Near the mean of very many it is a half.
+        assert!((chance_of_at_least(2500, 50_000, 0.05) - 0.5).abs() < 0.01);
     }
 
     #[test]

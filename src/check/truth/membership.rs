@@ -1,11 +1,14 @@
 //! Whether points belong to a set: the estimator of a field with everything cut away that does not decide `inside`.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use crate::compose::{Choice, ComposeResult, Composer, Purpose, compose_estimator};
-use crate::expr::{Arena, Function, NodeId, Port};
+use crate::expr::{Arena, Function, NodeId, Port, Type};
 use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
+use crate::kernel::work::Work;
 use crate::kernel::{Backend, Estimator, Kernel, Orbit};
 
-/// The estimator of the whole field with `inside` as its only output: no derivative is carried. It is that of
+/// The estimator of the whole field with `inside` and the number of iterations `n` as its only outputs: no derivative is carried. It is that of
 /// [`Purpose::Estimate`] or of [`Purpose::Truth`].
 pub fn compose_membership(composer: &Composer, choices: &[Choice], purpose: Purpose) -> ComposeResult<Kernel> {
     let mut estimator = compose_estimator(composer, choices, purpose)?;
@@ -13,6 +16,7 @@ pub fn compose_membership(composer: &Composer, choices: &[Choice], purpose: Purp
     let combine = &mut estimator.combine;
     combine.outputs.retain(|(port, _)| port.name == "inside");
     let mut next = Estimator::inputs().len();
+    let mut iterations = arena.f(0.0);
     for orbit in &mut estimator.orbits {
         for (i, output) in orbit.finish.outputs.iter_mut().enumerate() {
             if !combine.reads(arena, next + i) {
@@ -21,8 +25,10 @@ pub fn compose_membership(composer: &Composer, choices: &[Choice], purpose: Purp
         }
         // After the outputs of `finish` come `inside` and `n`.
         next += orbit.finish.outputs.len() + 2;
+        iterations = iterations + arena.input(next as u16 - 1, Type::F);
         cut(arena, orbit);
     }
+    estimator.combine.output("n", iterations);
     Ok(Kernel::Estimate(estimator))
 }
 
@@ -72,6 +78,10 @@ const BESIDE: [f64; 3] = [0.48, 0.6, 0.64];
 pub struct Members {
     cpu: Cpu,
     kernel: CpuKernel,
+    work: Work,
+    /// Points that were asked, and iterations of all of them.
+    asked: AtomicU64,
+    iterated: AtomicU64,
 }
 
 impl Members {
@@ -90,8 +100,15 @@ impl Members {
     fn of(composer: &Composer, choices: &[Choice], purpose: Purpose) -> ComposeResult<Members> {
         let cpu = Cpu::new(Precision::F64);
         let kernel = compose_membership(composer, choices, purpose)?;
+        let work = Work::of(composer.arena, &kernel);
         let kernel = cpu.prepare(composer.arena, &kernel).expect("the CPU takes every kernel");
-        Ok(Members { cpu, kernel })
+        Ok(Members { cpu, kernel, work, asked: AtomicU64::new(0), iterated: AtomicU64::new(0) })
+    }
+
+    /// Operations of all points that were asked so far, in products of two numbers: the same on every machine.
+    pub fn operations(&self) -> f64 {
+        let [asked, iterated] = [&self.asked, &self.iterated].map(|count| count.load(Ordering::Relaxed) as f64);
+        self.work.total(asked, iterated)
     }
 
     /// For each point of the world whether its orbit stays in. `eps` are hit thresholds, which say how thick shells are.
@@ -103,6 +120,8 @@ impl Members {
         let columns = self.cpu.upload(&columns).expect("the CPU holds every column");
         let result = self.cpu.run(&self.kernel, &[&columns]).expect("the CPU runs every kernel");
         let result = self.cpu.download(&result).expect("the CPU holds every column");
+        self.asked.fetch_add(points.len() as u64, Ordering::Relaxed);
+        self.iterated.fetch_add(result[1].iter().sum::<f64>() as u64, Ordering::Relaxed);
         result[0].iter().map(|&inside| inside > 0.5).collect()
     }
 }

@@ -21,9 +21,10 @@
 
 mod judge;
 mod membership;
+mod stops;
 mod walk;
 
-pub use judge::{Budget, End, Judgement, candidate, ends, judge, march_rays};
+pub use judge::{Budget, End, Judgement, candidate, chance_of_at_least, ends, judge, march_rays};
 pub use membership::{Members, compose_membership};
 
 use self::walk::Walker;
@@ -136,12 +137,20 @@ impl Truths {
         progress: &mut dyn FnMut(f64) -> bool,
     ) -> ComposeResult<Truths> {
         let members = Members::at_footprint(composer, choices)?;
-        let walker = Walker { members: &members, scale };
+        let mut truths = Truths { rays: Vec::new(), depths: Vec::new(), thick: Vec::new(), scale, members };
+        truths.extend(rays, progress);
+        Ok(truths)
+    }
+
+    /// Finds the first points of more rays.
+    pub fn extend(&mut self, rays: &[Ray], progress: &mut dyn FnMut(f64) -> bool) {
+        let walker = Walker { members: &self.members, scale: self.scale };
         let mut depths = walker.settle(rays, progress);
-        let rays = rays[..depths.len()].to_vec();
-        walker.leave_hairs(&rays, &mut depths);
-        let thick = walker.thick(&rays, &depths);
-        Ok(Truths { rays, depths, thick, scale, members })
+        let rays = &rays[..depths.len()];
+        walker.leave_hairs(rays, &mut depths);
+        self.thick.extend(walker.thick(rays, &depths));
+        self.depths.extend(depths);
+        self.rays.extend(rays);
     }
 
     /// How many rays hit, miss and are ambiguous.

@@ -3,7 +3,7 @@
 use super::Reader;
 use crate::formula::decode::Fields;
 use crate::formula::value::{Value, ValueKind};
-use crate::graph::settings::{CALIBRATED_ROWS, DeForm, Difference, DifferenceStep, EstimateSettings, Method};
+use crate::graph::settings::{CALIBRATED_ROWS, DeForm, Difference, DifferenceStep, EstimateSettings, Method, Quality};
 
 impl Reader<'_> {
     pub(super) fn estimate(&mut self, value: &Value) -> Option<EstimateSettings> {
@@ -17,9 +17,22 @@ impl Reader<'_> {
         let step = fields.optional_value("step").and_then(|v| self.difference_step(v));
         let least_step = fields.optional_value("least_step").and_then(|v| self.number(v, 1e-4, 1.0));
         let stop_at = fields.optional_value("stop_at").and_then(|v| self.number(v, 1e-3, 100.0));
+        let quality = self.word_or_auto(&mut fields, "quality", &[("proof", Quality::Proof)]);
         let calibrated = fields.optional_value("calibrated").and_then(|v| self.calibrated(v));
         fields.finish(self.d);
-        Some(EstimateSettings { method, form, radius, axis, fudge, difference, step, least_step, stop_at, calibrated })
+        Some(EstimateSettings {
+            method,
+            form,
+            radius,
+            axis,
+            fudge,
+            difference,
+            step,
+            least_step,
+            stop_at,
+            quality,
+            calibrated,
+        })
     }
 
     /// `true`, or the rows of the picture that was measured.
