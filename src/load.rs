@@ -7,7 +7,7 @@ use crate::formula::embedded;
 use crate::formula::library::Library;
 use crate::formula::ron::{Limits, read_ron};
 use crate::graph::script::run_script;
-use crate::graph::{Override, PRESET, ValidGraph, expand_presets, read};
+use crate::graph::{IterationLimit, Override, PRESET, ValidGraph, expand_presets, read};
 
 /// A formula ready to be composed.
 pub struct Loaded {
@@ -54,7 +54,18 @@ pub fn load(
         });
         return None;
     };
-    load_text(library, &name, &text, set, d)
+    let loaded = load_text(library, &name, &text, set, d)?;
+    let is_limited = set.iter().any(|(path, _)| path.rsplit('.').next() == Some("max_iterations"));
+    if path.exists() || is_limited {
+        return Some(loaded);
+    }
+    // What a built-in fractal states is enough for its own view.
+    let graph = loaded.graph.with_orbit_settings(|settings| {
+        if settings.limit == IterationLimit::Stated {
+            settings.limit = IterationLimit::OfOwnView;
+        }
+    });
+    Some(Loaded { graph, ..loaded })
 }
 
 /// Loads a formula from its text; `name` is its file name, whose stem names the fractal.

@@ -229,3 +229,28 @@ fn json_lines_are_complete() {
     assert!(rule["finding"]["place"].as_str().is_some_and(|place| place.ends_with("my_step.rhai:5")), "{rule}");
     assert_eq!(lines.last().expect("a summary")["summary"]["wrong"], 1);
 }
+
+#[test]
+fn shapes_of_graphs_are_looked_at() {
+    let health = health_of(&Formula::open("tests/reach/bumpy_ball.ron").unwrap());
+    assert!(has(&health, Severity::Wrong, Kind::Rule), "{:?}", texts(&health));
+    assert!(texts(&health).iter().any(|text| text.contains("rises by 4.")), "{:?}", texts(&health));
+}
+
+#[test]
+fn growth_that_goes_up_and_down_gives_no_advice() {
+    // Far out r is multiplied by something between 0.5 and 3.5.
+    let text = r#"(nodes: { "a": waves() }, output: "a", escape_radius: 30, max_iterations: 6)"#;
+    let folder = std::env::temp_dir().join(format!("bulbfold-waves-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let step = "fn step(z, c, p) { z * (2.0 + 1.5 * sin(4.0 * length(z))) }\n\
+                #{ group: \"scale\", summary: \"Rings.\", source: \"mine\", params: [], examples: [] }\n";
+    std::fs::write(folder.join("waves.rhai"), step).unwrap();
+    std::fs::write(folder.join("rings.ron"), text).unwrap();
+    let health = health_of(&Formula::open(folder.join("rings.ron")).unwrap());
+    let all = format!("{:?} {:?}", health.measures, texts(&health));
+    assert!(!has(&health, Severity::Wrong, Kind::Growth) && !has(&health, Severity::Wrong, Kind::Form), "{all}");
+    assert!(!all.contains("e308") && !all.contains("by -"), "{all}");
+    assert!(all.contains("up and down"), "{all}");
+    std::fs::remove_dir_all(folder).unwrap();
+}

@@ -60,7 +60,7 @@ fn chosen_estimates_hit_what_brute_force_hits() {
             100.0 * judged.missed_thin,
             100.0 * judged.early,
             judged.median_error,
-            100.0 * single
+            100.0 * single.share()
         );
         println!("{line}");
         if judged.hits - judged.thin < 20 || judged.missed_thick >= MISSED || judged.median_error >= MEDIAN {

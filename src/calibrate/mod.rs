@@ -42,7 +42,7 @@ use crate::check::{Subject, Target};
 use crate::compose::{Plan, choose, field_orbits};
 use crate::diag::Diagnostic;
 use crate::graph::{CALIBRATED_ROWS, Camera, EstimateSettings};
-use crate::shade::{Size, frame_automatically};
+use crate::shade::Size;
 use choice::{Terms, rows};
 use marching::Marching;
 use meter::Meter;
@@ -99,7 +99,7 @@ impl Options {
 
 /// The camera of a subject's file, or one that sees all of it.
 pub fn camera_of(subject: &Subject) -> Camera {
-    subject.graph.camera.unwrap_or_else(|| frame_automatically(subject.plan.bounding_radius))
+    crate::render::camera_of(&subject.composer(), &subject.plan)
 }
 
 /// What became of a candidate.

@@ -1,21 +1,19 @@
 //! The tests that a formula file holds, each on one back end.
 
+use super::agreement::agreement;
 use super::backends::{Backends, Target};
 use super::formula::rendered;
 use super::random::Random;
 use super::subject::Subject;
 use crate::compose::ComposeResult;
 use crate::graph::{Method, Symmetry, TestKind};
-use crate::render::{RenderSettings, compose_pipeline};
-use crate::shade::Size;
 
 /// Points that symmetries are tried at.
 const SYMMETRY_POINTS: usize = 200;
 /// Shares of disagreements that single precision may show in a symmetry: rounding near the boundary grows with every
 /// iteration, and a few moves of the point do not always show it.
 const SYMMETRY_SHARE_F32: f64 = 0.02;
-/// The picture on which back ends are compared, and the share of its pixels that must agree.
-const AGREE_SIZE: Size = Size { width: 64, height: 48 };
+/// Share of a picture's pixels on which back ends must agree.
 const AGREE_SHARE: f64 = 0.998;
 /// Points whose estimates are compared with brute force, spheres tried around each, and samples of each sphere.
 const BRUTE_POINTS: usize = 48;
@@ -204,13 +202,14 @@ impl Case<'_> {
     }
 
     fn agrees(&self) -> Result<(), String> {
-        let share = agreement(self.subject, self.backends, self.target)?;
-        match share >= AGREE_SHARE {
+        let agreement = agreement(self.subject, self.backends, self.target)?;
+        match agreement.share() >= AGREE_SHARE {
             true => Ok(()),
             false => Err(format!(
-                "depths: expected {:.1} % of pixels within half a pixel of cpu_f64, found {:.2} %",
+                "depths: expected {:.1} % of pixels within half a pixel of cpu_f64, found {:.2} %: {}",
                 100.0 * AGREE_SHARE,
-                100.0 * share
+                100.0 * agreement.share(),
+                agreement.text()
             )),
         }
     }
@@ -255,22 +254,6 @@ impl Case<'_> {
             )),
         }
     }
-}
-
-/// The share of a picture's pixels on which a back end agrees with f64: both miss, or both hit within half a pixel.
-pub(super) fn agreement(subject: &Subject, backends: &Backends, target: Target) -> Result<f64, String> {
-    let composer = subject.composer();
-    let settings = RenderSettings { size: AGREE_SIZE, ..RenderSettings::default() };
-    let pipeline = compose_pipeline(&composer, &settings).map_err(|error| rendered(error, subject.library))?;
-    let depths = |target| backends.depths(target, subject.arena, &pipeline, &settings).map_err(|e| e.to_string());
-    let (reference, found) = (depths(Target::CpuF64)?, depths(target)?);
-    let agrees = |(a, b): (&Option<f64>, &Option<f64>)| match (a, b) {
-        (Some(a), Some(b)) => (a - b).abs() <= pipeline.pixel_radius * a,
-        (None, None) => true,
-        _ => false,
-    };
-    let count = reference.iter().zip(&found).filter(|pair| agrees(*pair)).count();
-    Ok(count as f64 / reference.len() as f64)
 }
 
 fn image(symmetry: Symmetry, mut p: [f64; 3]) -> [f64; 3] {

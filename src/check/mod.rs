@@ -15,6 +15,7 @@
 //! assert!(bulb.estimate([0.0, -4.0 + 0.9 * depth, 0.0], Method::Gradient) > 0.0);
 //! ```
 
+mod agreement;
 pub mod audit;
 pub mod backends;
 mod cases;
@@ -22,7 +23,7 @@ pub mod exact;
 mod formula;
 pub mod health;
 pub mod measure;
-mod random;
+pub mod random;
 mod report;
 mod runner;
 mod steps;
@@ -30,10 +31,11 @@ mod subject;
 mod traits;
 pub mod truth;
 
+pub use agreement::{Agreement, agreement};
 pub use backends::{Backends, Target};
 pub use formula::{Formula, FormulaError};
 pub use random::Random;
 pub use report::{Outcome, Report, Verdict};
-pub use runner::{Options, agreement, check_calibration, run_graph, run_paths, run_paths_with};
+pub use runner::{Options, check_calibration, run_graph, run_paths, run_paths_with};
 pub use subject::Subject;
 pub use traits::is_conformal;

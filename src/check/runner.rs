@@ -323,8 +323,3 @@ fn check_wgsl(subject: &Subject) -> Result<(), String> {
     }
     Ok(())
 }
-
-/// The share of pixels of a small picture on which a back end agrees with the reference (see `AgreesOnBackends`).
-pub fn agreement(subject: &Subject, backends: &Backends, target: Target) -> Result<f64, String> {
-    super::cases::agreement(subject, backends, target)
-}

@@ -11,6 +11,7 @@ use clap::Args;
 use super::arguments::{AutoArgs, ChangeArgs, PrecisionArg, parse_positive, parse_size};
 use super::calibrate_write;
 use super::calibration::{Wish, choose_estimate, json, pasted, table};
+use super::seen::seen;
 use super::{Outcome, Session, usage};
 
 /// What a choice that many pictures will go by is worth.
@@ -90,7 +91,9 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     for (i, file) in arguments.files.iter().enumerate() {
         // What the file carries is measured anew, as `--write` does.
         let graph = session.load_solid(file, &arguments.changes.changes(), "`calibrate`")?.without_calibration();
-        let calibration = choose_estimate(session, &graph, &Rc::new(Arena::default()), &arguments.wish())?;
+        let arena = Rc::new(Arena::default());
+        let graph = seen(session, &arena, graph, arguments.size, &arguments.estimate.estimate.settings())?;
+        let calibration = choose_estimate(session, &graph, &arena, &arguments.wish())?;
         if arguments.json {
             writeln!(out, "{}", json(&calibration))?;
             continue;

@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 
 use super::arguments::{AutoArgs, PrecisionArg};
 use super::progress::{Progress, short};
+use super::seen::warns_of_inside;
 use super::session::talk;
 use super::{Failure, Session, usage};
 
@@ -48,9 +49,13 @@ pub fn choose_estimate(
 /// The same for a subject with the plan that the rules make of what is wished.
 pub fn settle_estimate(session: &Session, subject: Subject, wish: &Wish) -> Result<Calibration, Failure> {
     subject.plan.warnings.iter().for_each(|warning| session.warn(warning));
-    // Points of a plane need no step multiplier, and no ray misses them.
-    if subject.graph.plane.is_some() || !wish.estimate.calibrate.0 {
-        if wish.estimate.quality.is_some() && subject.graph.plane.is_none() {
+    let is_inside = subject.graph.plane.is_none() && {
+        let camera = wish.camera.unwrap_or_else(|| camera_of(&subject));
+        warns_of_inside(session, &subject, &camera)?
+    };
+    // Points of a plane need no step multiplier, and no ray misses them; from inside of the set none goes anywhere.
+    if subject.graph.plane.is_some() || is_inside || !wish.estimate.calibrate.0 {
+        if wish.estimate.quality.is_some() && subject.graph.plane.is_none() && !is_inside {
             let help = "drop one of them, or name a proof: `--de certified-ball`";
             return Err(usage("`--quality` is for the measured choice, which `--calibrate off` switches off", help));
         }

@@ -13,10 +13,9 @@ use bulbfold::formula::shape::ShapeDistance;
 use bulbfold::formula::step::{
     Growth, ParamKind, ParamValue, ScalarRule, StateWidth, Step, StepInputs, Traced, script_value,
 };
-use bulbfold::graph::{EstimateSettings, ValidGraph, print as graph_print};
+use bulbfold::graph::{Camera, EstimateSettings, ValidGraph, print as graph_print};
 use bulbfold::kernel::{Kernel, wgsl};
-use bulbfold::render::{RenderSettings, compose_pipeline};
-use bulbfold::shade;
+use bulbfold::render::{RenderSettings, camera_of, compose_pipeline};
 use clap::Args;
 
 use super::notation::Notation;
@@ -269,14 +268,15 @@ fn fractal_page(session: &Session, graph: &ValidGraph, latex: bool) -> Result<Ve
     let pipeline = pipeline.map_err(|diagnostic| session.failure(diagnostic))?;
     let table = cost::table(&composer, &pipeline).map_err(|diagnostic| session.failure(diagnostic))?;
     blocks.extend([Block::Heading(2, "Cost".into()), Block::Code("text", table)]);
-    blocks.extend(view(graph, plan.bounding_radius));
+    let camera = camera_of(&composer, &plan);
+    blocks.extend(view(graph, &camera, plan.bounding_radius));
     let picture = format!("docs/thumbnails/{}.jpg", graph.name);
     blocks.extend([Block::Heading(2, "Picture".into()), Block::Text(picture)]);
     Ok(blocks)
 }
 
 /// What pictures of a fractal show: a plane, or what a camera sees.
-fn view(graph: &ValidGraph, bounding_radius: f64) -> [Block; 2] {
+fn view(graph: &ValidGraph, camera: &Camera, bounding_radius: f64) -> [Block; 2] {
     let rounded = |x: f64| (x * 1e4).round() / 1e4;
     if let Some(plane) = &graph.plane {
         let text = format!(
@@ -288,12 +288,11 @@ fn view(graph: &ValidGraph, bounding_radius: f64) -> [Block; 2] {
         );
         return [Block::Heading(2, "Plane".into()), Block::Text(text)];
     }
-    let camera = graph.camera.unwrap_or_else(|| shade::frame_automatically(bounding_radius));
     let text = format!(
         "{}: position {}, target {}, field of view {} degrees; everything lies within {} of the origin.",
         if graph.camera.is_some() { "From the file" } else { "Found automatically" },
         numbers(&camera.position.map(rounded)),
-        numbers(&camera.target),
+        numbers(&camera.target.map(rounded)),
         rounded(camera.fov.to_degrees()),
         rounded(bounding_radius),
     );

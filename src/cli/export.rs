@@ -8,7 +8,7 @@ use bulbfold::compose::{Composer, choose};
 use bulbfold::exchange::export::{ExportError, Exported, Target, export};
 use bulbfold::expr::Arena;
 use bulbfold::graph::ValidGraph;
-use bulbfold::shade::frame_automatically;
+use bulbfold::render::camera_of;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
@@ -83,7 +83,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     }
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     plan.warnings.iter().for_each(|warning| session.warn(warning));
-    let camera = graph.camera.unwrap_or_else(|| frame_automatically(plan.bounding_radius));
+    let camera = camera_of(&composer, &plan);
     let exported = export(&composer, &plan, &camera, arguments.to.0).map_err(|error| failure(error, session))?;
     let bytes = match exported {
         Exported::Text(text) => text.into_bytes(),

@@ -37,6 +37,7 @@ mod probe;
 mod progress;
 mod range;
 mod render;
+mod seen;
 mod session;
 mod stats;
 mod sweep;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bulbfold::calibrate::Calibration;
 use bulbfold::check::Subject;
-use bulbfold::compose::{Composer, choose};
+use bulbfold::compose::{Composer, Plan};
 use bulbfold::expr::Arena;
 use bulbfold::files::Target;
 #[cfg(feature = "chart")]
@@ -17,7 +17,7 @@ use bulbfold::graph::{Camera, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError};
 use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
 use bulbfold::render::{Pipeline, RenderSettings, Renderer, Sampling, Stats, compose_planned};
-use bulbfold::shade::{self, Size, frame_automatically};
+use bulbfold::shade::{self, Size};
 use clap::{Args, ValueEnum};
 
 use super::arguments::{
@@ -27,6 +27,7 @@ use super::backend::{Job, Wanted, run_job};
 use super::calibration::{Wish, settle_estimate};
 use super::output::{Content, check_output, not_written, refuse_both};
 use super::progress::{Progress, short};
+use super::seen::{self, framed};
 use super::session::{refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
 #[cfg(feature = "chart")]
@@ -209,7 +210,7 @@ pub(super) struct CameraArgs {
 }
 
 impl CameraArgs {
-    fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.camera.is_none() && self.target.is_none() && self.up.is_none() && self.fov.is_none() && self.turn.is_none()
     }
 
@@ -319,9 +320,14 @@ fn fit(
 ) -> Result<Fitted, Failure> {
     let failed = |diagnostic| session.failure(diagnostic);
     let mut settings = arguments.settings(asked);
-    let graph = with_view(session, arena, graph, &settings, &arguments.camera)?;
+    let (mut graph, mut plan) = with_view(session, arena, graph, &settings, &arguments.camera)?;
+    let wanted =
+        seen::Wanted { size: settings.size, estimate: &settings.estimate, is_own: arguments.camera.is_empty() };
+    if let Some(found) = seen::iterations(session, arena, &graph, wanted)? {
+        (graph, plan) = (found.apply(&graph), None);
+    }
     let composer = Composer { arena, library: &session.library, graph: &graph };
-    let plan = choose(&composer, &settings.estimate).map_err(failed)?;
+    let plan = plan.map_or_else(|| seen::plan_of(session, arena, &graph, &settings.estimate), Ok)?;
     let by_rules = compose_planned(&composer, &settings, plan.clone()).map_err(failed)?;
     let resolution = resolution(arena, &by_rules, settings.size);
     let precision = settle_precision(session, arguments, asked, &resolution);
@@ -380,31 +386,24 @@ fn output_path(arguments: &Arguments) -> PathBuf {
     })
 }
 
-/// The graph with the camera that was asked for.
+/// The graph with the camera that was asked for, and the plan where one was made that still holds.
 pub(super) fn with_view(
     session: &Session,
     arena: &Rc<Arena>,
     graph: ValidGraph,
     settings: &RenderSettings,
     view: &CameraArgs,
-) -> Result<ValidGraph, Failure> {
-    if view.is_empty() {
-        return Ok(graph);
-    }
-    if graph.plane.is_some() {
+) -> Result<(ValidGraph, Option<Plan>), Failure> {
+    if graph.plane.is_some() && !view.is_empty() {
         let text = format!("a picture of `{}` shows a plane, which has no camera", graph.name);
         return Err(usage(text, "place the plane: --set 'plane=(center: (-0.5, 0.0), height: 2.5)'"));
     }
-    let base = match graph.camera {
-        Some(camera) => camera,
-        None => {
-            let composer = Composer { arena, library: &session.library, graph: &graph };
-            let plan = choose(&composer, &settings.estimate).map_err(|diagnostic| session.failure(diagnostic))?;
-            frame_automatically(plan.bounding_radius)
-        }
-    };
-    // What the file's estimate was calibrated on is not seen any more.
-    Ok(graph.with_camera(view.apply(base)?).without_calibration())
+    let (graph, plan) = framed(session, arena, graph, &settings.estimate)?;
+    match graph.camera.filter(|_| !view.is_empty()) {
+        None => Ok((graph, plan)),
+        // What the file's estimate was calibrated on is not seen any more.
+        Some(base) => Ok((graph.with_camera(view.apply(base)?).without_calibration(), None)),
+    }
 }
 
 /// A picture in memory of a formula that has been loaded.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bulbfold::calibrate::Calibration;
 use bulbfold::compose::{Choice, Plan};
-use bulbfold::kernel::Compiling;
+use bulbfold::kernel::{Compiling, Kernel};
 use bulbfold::render::{Pipeline, RenderSettings, Stats};
 use serde_json::{Map, Value, json};
 
@@ -37,6 +37,14 @@ pub struct Report<'a> {
 impl Report<'_> {
     fn pixels(&self) -> f64 {
         f64::from(self.settings.size.width) * f64::from(self.settings.size.height)
+    }
+
+    /// Iterations that the orbits have at most: the file's, or those of the view.
+    fn limits(&self) -> Vec<u32> {
+        match &self.pipeline.march {
+            Kernel::March(march) => march.estimator.orbits.iter().map(|orbit| orbit.max_iterations).collect(),
+            _ => Vec::new(),
+        }
     }
 
     /// Where the time of the render went.
@@ -75,6 +83,8 @@ impl Report<'_> {
             "orbits": orbits,
             "fudge": plan.fudge,
             "bounding_radius": plan.bounding_radius,
+            "bounds": plan.reach.name(),
+            "max_iterations": self.limits(),
             "bounding_box": self.pipeline.bounds.sides.map(|sides| [sides.low, sides.high]),
             "camera": {
                 "position": camera.position, "target": camera.target, "up": camera.up, "fov": camera.fov.to_degrees(),
@@ -123,9 +133,10 @@ impl Report<'_> {
         for (name, value) in estimate_rows(plan) {
             row(&name, value);
         }
+        row("max iterations", self.limits().iter().map(u32::to_string).collect::<Vec<_>>().join(", "));
         row("fudge", plan.fudge.to_string());
         row("shortest step", format!("{} of the hit threshold", plan.least_step));
-        row("bounding radius", format!("{:.4}", plan.bounding_radius));
+        row("bounding radius", format!("{:.4} ({})", plan.bounding_radius, plan.reach.name()));
         if let Some(sides) = self.pipeline.bounds.sides {
             let along = |k: usize| format!("{:.3} to {:.3}", sides.low[k], sides.high[k]);
             row("bounding box", [0, 1, 2].map(along).join(", "));

@@ -14,7 +14,7 @@ use bulbfold::frames::{FrameRenderer, Frames, JoinedFrames};
 use bulbfold::graph::{EstimateSettings, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError, Compiling};
 use bulbfold::precision::resolution;
-use bulbfold::render::{RenderSettings, Stats, compose_pipeline, compose_planned};
+use bulbfold::render::{Iterations, RenderSettings, Stats, compose_pipeline, compose_planned};
 use clap::Args;
 use serde_json::json;
 
@@ -26,6 +26,7 @@ use super::output::not_written;
 use super::progress::{Progress, short};
 use super::range::Range;
 use super::render::{Arguments, render_file, settle_precision, with_view};
+use super::seen::{Wanted, framed, iterations};
 use super::session::talk;
 use super::{Failure, Outcome, Session, usage};
 
@@ -132,6 +133,7 @@ fn graphs(
     frames: u32,
 ) -> Result<Vec<ValidGraph>, Failure> {
     let mut graphs = Vec::new();
+    let (mut base, mut is_own) = (None, true);
     let settings = arguments.settings(PrecisionArg::F32);
     for frame in 0..frames {
         let share = if frames > 1 { f64::from(frame) / f64::from(frames - 1) } else { 0.0 };
@@ -152,9 +154,28 @@ fn graphs(
         let file = &arguments.formula.file;
         let loaded = if frame == 0 { session.load(file, &set)? } else { session.load_again(file, &set)? };
         camera.turn = turn;
-        graphs.push(with_view(session, &Rc::new(Arena::default()), loaded.graph, &settings, &camera)?);
+        let arena = Rc::new(Arena::default());
+        // One frame for all: each framed by itself would jump.
+        let (graph, _) = match base {
+            Some(camera) if loaded.graph.camera.is_none() && loaded.graph.plane.is_none() => {
+                (loaded.graph.with_camera(camera), None)
+            }
+            _ => framed(session, &arena, loaded.graph, &settings.estimate)?,
+        };
+        base = base.or(graph.camera);
+        is_own &= camera.is_empty();
+        graphs.push(with_view(session, &arena, graph, &settings, &camera)?.0);
     }
-    Ok(graphs)
+    let mut most: Option<Iterations> = None;
+    for graph in key_frames(&graphs) {
+        let wanted = Wanted { size: settings.size, estimate: &settings.estimate, is_own };
+        let found = iterations(session, &Rc::new(Arena::default()), graph, wanted)?;
+        most = most.map_or(found, |most| Some(found.map_or(most, |found| most.max(found))));
+    }
+    Ok(match most {
+        Some(most) => graphs.iter().map(|graph| most.apply(graph)).collect(),
+        None => graphs,
+    })
 }
 
 /// First, middle and last frame: those that speak for the others.
@@ -363,7 +384,7 @@ impl Report<'_> {
 
 #[cfg(test)]
 mod tests {
-    use bulbfold::compose::Plan;
+    use bulbfold::compose::{Plan, Reach};
     use bulbfold::graph::DifferenceStep;
 
     use super::{Plans, SweepArgs};
@@ -372,7 +393,17 @@ mod tests {
     fn plan(fudge: f64) -> Plan {
         let (choices, warnings) = (Vec::new(), Vec::new());
         let difference_step = DifferenceStep::default();
-        Plan { choices, bounding_radius: 1.0, fudge, least_step: 1.0, stop_at: None, difference_step, warnings }
+        Plan {
+            choices,
+            bounding_radius: 1.0,
+            reach: Reach::Stated,
+            members: 0.0,
+            fudge,
+            least_step: 1.0,
+            stop_at: None,
+            difference_step,
+            warnings,
+        }
     }
 
     #[test]

@@ -13,8 +13,8 @@ use bulbfold::expr::Arena;
 use bulbfold::graph::ValidGraph;
 use bulbfold::kernel::{Backend, BackendError, Kernel};
 use bulbfold::march::MarchSettings;
-use bulbfold::render::in_precision;
-use bulbfold::shade::{Size, frame_automatically};
+use bulbfold::render::{camera_of, in_precision};
+use bulbfold::shade::Size;
 use clap::Args;
 use serde_json::{Value, json};
 
@@ -23,6 +23,7 @@ use super::backend::{Job, Wanted, run_job};
 use super::calibration::{Wish, choose_estimate};
 use super::points::read_rows;
 use super::progress::{Progress, short};
+use super::seen::seen;
 use super::session::formula_files;
 use super::{Failure, Outcome, Session, truth_table, usage};
 
@@ -104,6 +105,7 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
     let given = arguments.rays_file.as_ref().map(|path| read_rays(path)).transpose()?;
     let graph = session.load_solid(file, &arguments.changes.changes(), "`truth`")?;
     let arena = Rc::new(Arena::default());
+    let graph = seen(session, &arena, graph, arguments.size, &arguments.estimate.estimate.settings())?;
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     let wish = Wish {
         estimate: &arguments.estimate,
@@ -114,7 +116,7 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
         quiet: false,
     };
     let plan = choose_estimate(session, &graph, &arena, &wish)?.plan;
-    let camera = graph.camera.unwrap_or_else(|| frame_automatically(plan.bounding_radius));
+    let camera = camera_of(&composer, &plan);
     let scale = Scale::of_view(&camera, arguments.size, plan.bounding_radius);
     let rays = given.unwrap_or_else(|| view_rays(&camera, arguments.size, arguments.rays as usize, arguments.seed));
 

@@ -19,12 +19,12 @@
 //! It is done where every orbit has proofs and no seam is rounded: what rounding adds is not in any of the sets. A box that leaves
 //! most of the ball is not worth its tests and is dropped.
 
-use super::choose::UNIT_F64;
 use super::measure::run_prepared;
-use super::{Choice, ComposeResult, Composer, Plan, Purpose, compose_estimator};
-use crate::graph::{DeForm, Method, NodeKind};
+use super::reach::proofs;
+use super::{ComposeResult, Composer, Plan};
+use crate::graph::NodeKind;
 use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
-use crate::kernel::{Backend, Estimator, Kernel};
+use crate::kernel::{Backend, Estimator};
 
 /// What rays are cut to: a ball around the world's origin, and perhaps a box.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -78,21 +78,12 @@ impl Bounds {
     /// The ball of a plan, and the box where it can be proven and is worth it.
     pub fn prove(composer: &Composer, plan: &Plan) -> ComposeResult<Bounds> {
         let ball = Bounds::ball(plan.bounding_radius);
-        let proves = |choice: &Choice| choice.applicable.contains(&Method::CertifiedBall);
-        if plan.choices.is_empty() || !plan.choices.iter().all(proves) || has_rounded_seams(composer) {
+        if plan.choices.is_empty() {
             return Ok(ball);
         }
-        // Of the forms that look at where an orbit ends only what escapes is proven, which is less than is empty.
-        let form = |form: DeForm| if matches!(form, DeForm::Box | DeForm::Plane) { DeForm::Linear } else { form };
-        let choices: Vec<Choice> = plan
-            .choices
-            .iter()
-            .map(|c| Choice { method: Method::CertifiedBall, form: form(c.form), unit: UNIT_F64, ..c.clone() })
-            .collect();
-        let mut estimator = compose_estimator(composer, &choices, Purpose::Proof)?;
-        estimator.combine.outputs.retain(|(port, _)| port.name == "de");
+        let Some(kernel) = proofs(composer, &plan.choices, None)? else { return Ok(ball) };
         let cpu = Cpu::new(Precision::F64);
-        let kernel = cpu.prepare(composer.arena, &Kernel::Estimate(estimator)).expect("the CPU takes every kernel");
+        let kernel = cpu.prepare(composer.arena, &kernel).expect("the CPU takes every kernel");
         let sides = Search::new(cpu, kernel, ball.radius, is_alone(composer)).run();
         Ok(Bounds { sides: Some(sides).filter(|sides| is_worth(sides, ball.radius)), ..ball })
     }
@@ -103,19 +94,6 @@ impl Sides {
     pub fn holds(&self, p: &[f64; 3]) -> bool {
         (0..3).all(|k| self.low[k] <= p[k] && p[k] <= self.high[k])
     }
-}
-
-/// True where fields of the output are joined with rounded seams.
-fn has_rounded_seams(composer: &Composer) -> bool {
-    let mut open = vec![composer.graph.output];
-    while let Some(node) = open.pop() {
-        match &composer.graph.node(node).kind {
-            NodeKind::SmoothUnion { .. } => return true,
-            NodeKind::Orbit { .. } => {}
-            kind => open.extend(kind.wires()),
-        }
-    }
-    false
 }
 
 /// Whether the field is one orbit, which is symmetric everywhere where it is symmetric at many points; small parts are not.

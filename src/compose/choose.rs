@@ -2,15 +2,14 @@
 //! design's rules and two measurements in f64, growth far out and extent.
 
 use super::maps::{scalar_rules, steps_of};
-use super::measure::{measure_extent, measure_growth, measure_tightness, outermost_member};
+use super::measure::{measure_extent, measure_growth, measure_tightness};
+use super::reach::{FAR, Found, Reach, has_endless_primitives, member_beyond, primitive_reach, search};
 use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
 use crate::graph::{
     DeForm, Difference, DifferenceStep, EstimateSettings, Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method, NodeKind,
-    NodeRef, Primitive,
+    NodeRef,
 };
-use crate::kernel::Kernel;
-use crate::kernel::cpu::{Cpu, Precision};
 
 /// How distances are estimated from one orbit.
 #[derive(Clone, PartialEq, Debug)]
@@ -71,6 +70,10 @@ pub struct Plan {
     pub choices: Vec<Choice>,
     /// Radius of a ball around the world's origin that holds everything drawn.
     pub bounding_radius: f64,
+    /// How that is known.
+    pub reach: Reach,
+    /// How far out the farthest member was seen; 0 where none was looked for.
+    pub members: f64,
     /// Step multiplier of the whole field.
     pub fudge: f64,
     /// Shortest step of a march, as a share of the hit threshold: the least that is asked for.
@@ -140,15 +143,7 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
         }
         radii.extend(orbit.frame.reach(extent));
     }
-    let bounding_radius = match composer.graph.bounding_radius {
-        Some(radius) => radius,
-        None if is_warped(composer) => {
-            let field = super::compose_estimator(composer, &choices, super::Purpose::Estimate)?;
-            let cpu = Cpu::new(Precision::F64);
-            outermost_member(&cpu, composer, &Kernel::Estimate(field), 1).unwrap_or(10.0)
-        }
-        None => field_reach(composer, &radii),
-    };
+    let Found { radius: bounding_radius, reach, members } = reach_of(composer, &choices, &radii, &mut warnings)?;
     let fudge = wanted.fudge.unwrap_or_else(|| choices.iter().map(|c| c.fudge).fold(1.0, f64::min));
     if let (true, Some(method)) = (orbits.is_empty(), wanted.method)
         && method != Method::Own
@@ -165,7 +160,7 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     let certified = choices.iter().any(|choice| choice.method.is_certified());
     let least_step = least_step.unwrap_or(if certified { LEAST_STEP_OF_PROOFS } else { LEAST_STEP });
     let stop_at = stop_at.filter(|_| !certified);
-    Ok(Plan { choices, bounding_radius, fudge, least_step, stop_at, difference_step, warnings })
+    Ok(Plan { choices, bounding_radius, reach, members, fudge, least_step, stop_at, difference_step, warnings })
 }
 
 fn choose_orbit(
@@ -299,17 +294,52 @@ fn is_mixed(steps: &[&crate::formula::step::Step]) -> bool {
     steps.iter().any(|s| s.group == "fold")
 }
 
-/// True where a field is seen through maps or tiles, so that its size is not that of its parts.
-fn is_warped(composer: &Composer) -> bool {
+/// Bounding radius of a field, and how it is known. `radii` are those of its orbits.
+fn reach_of(
+    composer: &Composer,
+    choices: &[Choice],
+    radii: &[f64],
+    warnings: &mut Vec<String>,
+) -> ComposeResult<Found> {
+    let is_endless = has_endless_primitives(composer);
+    if let Some(radius) = composer.graph.bounding_radius {
+        if !is_endless
+            && !composer.graph.cuts
+            && let Some(p) = member_beyond(composer, choices, radius)?
+        {
+            let [x, y, z] = p.map(|x| format!("{x:.3}"));
+            warnings.push(format!(
+                "the bounding radius of {radius} cuts the set: ({x}, {y}, {z}) belongs to it; \
+                 write a larger one, or `cuts: true` where that is meant"
+            ));
+        }
+        return Ok(Found { radius, reach: Reach::Stated, members: 0.0 });
+    }
+    if is_endless || is_made_of_primitives(composer) {
+        let reach = if is_endless { Reach::Endless } else { Reach::Exact };
+        return Ok(Found { radius: field_reach(composer, radii), reach, members: 0.0 });
+    }
+    let found = search(composer, choices)?;
+    if found.reach == Reach::Endless {
+        warnings.push(format!(
+            "the set goes on beyond {FAR} units, where rays end; write `bounding_radius` to end them elsewhere"
+        ));
+    }
+    Ok(found)
+}
+
+/// True where a field is made of primitives and their unions alone, so that its size is known.
+fn is_made_of_primitives(composer: &Composer) -> bool {
     let mut open = vec![composer.graph.output];
     while let Some(node) = open.pop() {
         match &composer.graph.node(node).kind {
-            NodeKind::Warp { .. } | NodeKind::Tile { .. } => return true,
-            NodeKind::Orbit { .. } => {}
-            kind => open.extend(kind.wires()),
+            NodeKind::Primitive(_) => {}
+            NodeKind::Union(of) => open.extend(of),
+            NodeKind::Transform { of, .. } => open.push(*of),
+            _ => return false,
         }
     }
-    false
+    true
 }
 
 /// Radius of a ball around the world's origin that holds the output. Unbounded primitives are cut to the rest's size.
@@ -331,16 +361,4 @@ fn field_reach(composer: &Composer, radii: &[f64]) -> f64 {
     }
     let reach = of_orbits.max(of_primitives);
     if reach == 0.0 { 10.0 } else { reach }
-}
-
-/// Farthest point of a primitive from its frame's origin; `None` where there is none.
-fn primitive_reach(primitive: &Primitive) -> Option<f64> {
-    let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    match *primitive {
-        Primitive::Sphere { centre, radius, .. } => Some(length(centre) + radius),
-        Primitive::Box { centre, half_size } => Some(length(centre) + length(half_size)),
-        Primitive::Torus { centre, major, minor } => Some(length(centre) + major + minor),
-        Primitive::Cylinder { centre, radius, half_height } => Some(length(centre) + radius.hypot(half_height)),
-        Primitive::Plane { .. } => None,
-    }
 }

@@ -8,6 +8,7 @@ use super::placement::{Frame, Place, copies, farther_copies};
 use super::unrolled::unrolled;
 use super::value::FieldValue;
 use super::{Choice, ComposeResult, Composer, Purpose};
+use crate::expr::enclose::Encloser;
 use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
 use crate::formula::step::Step;
 use crate::graph::{DeForm, Method, NodeKind, NodeRef, OrbitSettings, ParamInput, Primitive, SphereForm, Tiling};
@@ -352,7 +353,20 @@ impl<'g> FieldBuilder<'_, 'g> {
         let d = step
             .trace_distance(&library.engine, &library.sources, arena, local, &map)
             .map_err(|error| error.label(place.span, format!("used by the node `{}`", place.name)))?;
-        Ok(self.own(node, self.back(frame, d)?, d.le(arena.f(0.0)), d))
+        let empty = match self.purpose {
+            Purpose::Proof => self.proven_empty(d),
+            _ => self.back(frame, d)?,
+        };
+        Ok(self.own(node, empty, d.le(arena.f(0.0)), d))
+    }
+
+    /// How far around the point a shape's distance `d` is proven to stay above 0: `h` or nothing. What the shape's file says of
+    /// its slope is not asked, and may be wrong.
+    fn proven_empty(&self, d: Expr<'g>) -> Expr<'g> {
+        let EstimatorInputs { h, .. } = EstimatorInputs::new(self.composer.arena);
+        let zero = h.lift(0.0);
+        let least = Encloser::new(self.composer.arena, &[(self.at, h)]).bounds(d)[0].lo;
+        zero.lt(least).select(h, zero)
     }
 
     /// A field with a distance of its own; `smooth` has the normal.

@@ -53,15 +53,16 @@ pub(super) fn measure_growth(composer: &Composer, orbit: &FieldOrbit) -> Compose
             (0..width).map(|i| points.iter().map(|p| p.get(i).copied().unwrap_or(0.4) * scale).collect()).collect();
         run_f64(&cpu, composer, &Kernel::Map(function.clone()), &columns).swap_remove(0)
     };
-    let (near, far): (f64, f64) = (1e3, 1e4);
-    let mut exponents: Vec<f64> = radius_after(near)
-        .into_iter()
-        .zip(radius_after(far))
-        .map(|(a, b)| (b / a).ln() / (far / near).ln())
-        .map(|e| if e.is_finite() { e } else { f64::MAX })
-        .collect();
-    exponents.sort_by(f64::total_cmp);
-    let exponent = exponents[exponents.len() / 2];
+    let exponent_between = |(near, far): (f64, f64)| -> f64 {
+        let pairs = radius_after(near).into_iter().zip(radius_after(far));
+        let exponents = pairs.map(|(a, b)| (b / a).ln() / (far / near).ln());
+        let mut exponents: Vec<f64> = exponents.map(|e| if e.is_finite() { e } else { f64::MAX }).collect();
+        exponents.sort_by(f64::total_cmp);
+        exponents[exponents.len() / 2]
+    };
+    // What goes up and down grows in one decade and not in another: the smaller one counts.
+    let first = exponent_between((1e3, 1e4));
+    let exponent = if first > 1.05 { first.min(exponent_between((1.3e4, 1.1e5))) } else { first };
     Ok(if exponent > 1.05 {
         let shown = if exponent == f64::MAX { "a high power".to_string() } else { format!("power {exponent:.2}") };
         let power = exponent.powf(1.0 / iterations.max(1) as f64);
@@ -120,7 +121,7 @@ pub(super) fn measure_extent(composer: &Composer, orbit: &FieldOrbit) -> Compose
         let settings = OrbitSettings { max_iterations: limit, ..orbit.settings.clone() };
         let membership = compose_membership(composer, orbit.root, &settings)?;
         let cpu = Cpu::new(Precision::F64);
-        let found = outermost_member(&cpu, composer, &membership, 0);
+        let found = outermost_member(&cpu, composer, &membership);
         let Some(found) = found else { break };
         // A ball that shrinks at once means that the samples began to miss a thin set, not that it is smaller.
         if best != f64::MAX && found < best / 1.5 {
@@ -128,11 +129,42 @@ pub(super) fn measure_extent(composer: &Composer, orbit: &FieldOrbit) -> Compose
         }
         best = best.min(found);
     }
-    Ok(if best == f64::MAX { 2.0 } else { best })
+    let extent = if best == f64::MAX { 2.0 } else { best };
+    beyond(composer, &probe, extent)
+}
+
+/// Points asked around a ball whether the set reaches beyond, at each of [`FURTHER`] goes.
+const AROUND: usize = 2048;
+const FURTHER: usize = 8;
+
+/// The extent, or a larger one where members are beyond it: samples on spheres miss what is thin.
+fn beyond(composer: &Composer, orbit: &FieldOrbit, mut extent: f64) -> ComposeResult<f64> {
+    let cpu = Cpu::new(Precision::F64);
+    let membership = compose_membership(composer, orbit.root, &orbit.settings)?;
+    let membership = cpu.prepare(composer.arena, &membership).expect("the CPU takes every kernel");
+    for go in 0..FURTHER {
+        // From the extent to four times that, the golden section apart.
+        let radius = |i: usize| extent * 4f64.powf((0.618_033_988_75 * i as f64).fract());
+        let points = directions(AROUND, go as f64).into_iter().enumerate();
+        let points: Vec<[f64; 3]> = points.map(|(i, p)| p.map(|x| x * radius(i * 311))).collect();
+        let columns = Estimator::columns(&points, &points.iter().map(inwards).collect::<Vec<_>>(), &[1e-4], 0.0);
+        let inside = run_prepared(&cpu, &membership, &columns).swap_remove(0);
+        let reached = points
+            .iter()
+            .zip(inside)
+            .filter(|(_, inside)| *inside > 0.5)
+            .map(|(p, _)| p.iter().map(|x| x * x).sum::<f64>().sqrt());
+        let farthest = reached.fold(0.0, f64::max);
+        if farthest <= extent {
+            break;
+        }
+        extent = farthest;
+    }
+    Ok(extent)
 }
 
 /// The largest sampled radius with a point inside, one sampling step further out.
-pub(super) fn outermost_member(cpu: &Cpu, composer: &Composer, membership: &Kernel, output: usize) -> Option<f64> {
+fn outermost_member(cpu: &Cpu, composer: &Composer, membership: &Kernel) -> Option<f64> {
     let ratio: f64 = 1.08;
     let mut radius = 40.0;
     let membership = cpu.prepare(composer.arena, membership).expect("the CPU takes every kernel");
@@ -140,7 +172,7 @@ pub(super) fn outermost_member(cpu: &Cpu, composer: &Composer, membership: &Kern
         let points = directions(600, f64::from(shell));
         let points: Vec<[f64; 3]> = points.iter().map(|p| p.map(|x| x * radius)).collect();
         let columns = Estimator::columns(&points, &points.iter().map(inwards).collect::<Vec<_>>(), &[1e-4], 0.0);
-        let inside = run_prepared(cpu, &membership, &columns).swap_remove(output);
+        let inside = run_prepared(cpu, &membership, &columns).swap_remove(0);
         if inside.iter().any(|&i| i > 0.5) {
             return Some(radius * ratio * ratio);
         }

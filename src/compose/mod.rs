@@ -18,6 +18,7 @@ pub mod norm;
 mod orbit;
 mod parts;
 pub mod placement;
+mod reach;
 mod unread;
 mod unrolled;
 mod value;
@@ -28,6 +29,7 @@ pub use field::{Decider, FieldOrbit, compose_estimator, deciders, field_orbits};
 pub use maps::scalar_rules;
 pub use measure::compose_growth;
 pub use parts::{IterationParts, Part, iteration_parts};
+pub use reach::Reach;
 
 use std::rc::Rc;
 

@@ -21,8 +21,8 @@ pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
-    CALIBRATED_ROWS, Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, Join,
-    LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings, Plane, Quality,
+    CALIBRATED_ROWS, Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, IterationLimit,
+    Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings, Plane, Quality,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
 pub use validate::ValidGraph;
@@ -65,6 +65,8 @@ pub struct Graph {
     pub plane: Option<Plane>,
     /// Radius of a ball around the origin that holds everything; found automatically where absent.
     pub bounding_radius: Option<f64>,
+    /// Whether that is meant to cut off what is beyond.
+    pub cuts: bool,
     /// Light and colour.
     pub look: Look,
     /// Named sets of values that the file offers.

@@ -34,6 +34,7 @@ const FIELDS: &[&str] = &[
     "camera",
     "plane",
     "bounding_radius",
+    "cuts",
     "look",
 ];
 

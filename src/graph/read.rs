@@ -9,7 +9,7 @@ use rhai::Scope;
 use super::fields::{read_look, read_plane};
 use super::overrides::{Override, apply_override};
 use super::presets::read_presets;
-use super::settings::{Camera, Constant, EndShape, NO_ESCAPE, OrbitSettings};
+use super::settings::{Camera, Constant, EndShape, IterationLimit, NO_ESCAPE, OrbitSettings};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
 use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
@@ -109,6 +109,7 @@ impl Reader<'_> {
         let camera = fields.optional_value("camera").and_then(|v| self.camera(v));
         let plane = fields.optional_value("plane").and_then(|v| read_plane(self, v));
         let bounding_radius = fields.optional_value("bounding_radius").and_then(|v| self.number(v, 1e-6, 1e6));
+        let cuts = fields.or("cuts", false, self.d);
         let look = fields.optional_value("look");
         let look = look.and_then(|v| read_look(self, v)).unwrap_or_default();
         let presets = fields.optional_value("presets").map(|v| read_presets(v, self.d)).unwrap_or_default();
@@ -130,6 +131,7 @@ impl Reader<'_> {
             camera,
             plane,
             bounding_radius,
+            cuts,
             look,
             presets,
             tests,
@@ -337,6 +339,7 @@ impl Reader<'_> {
         if let Some(value) = fields.optional_value("max_iterations") {
             let limit = self.number(value, 0.0, 10_000.0);
             settings.max_iterations = limit.map_or(settings.max_iterations, |n| n as u32);
+            settings.limit = IterationLimit::Stated;
         }
         if let Some(value) = fields.optional_value("slice") {
             settings.slice = self.number(value, -1e6, 1e6).unwrap_or(settings.slice);

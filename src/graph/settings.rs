@@ -343,6 +343,17 @@ pub enum Join {
     SmoothUnion(f64),
 }
 
+/// Who says how many iterations an orbit has at most.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum IterationLimit {
+    /// The file: no view asks for more.
+    Stated,
+    /// A built-in file, for its own view: closer views may ask for more.
+    OfOwnView,
+    /// The view.
+    OfView,
+}
+
 /// How an orbit is iterated.
 #[derive(Clone, PartialEq, Debug)]
 pub struct OrbitSettings {
@@ -356,6 +367,8 @@ pub struct OrbitSettings {
     pub escape_radius: f64,
     /// Iterations after which a point is inside.
     pub max_iterations: u32,
+    /// Who says how many.
+    pub limit: IterationLimit,
     /// Start value of w where the state has four components.
     pub slice: f64,
     /// The field that says what is in, in the place of escaping.
@@ -372,6 +385,7 @@ impl Default for OrbitSettings {
             post: Vec::new(),
             escape_radius: 30.0,
             max_iterations: 20,
+            limit: IterationLimit::OfView,
             slice: 0.0,
             shape: None,
             estimate: EstimateSettings::default(),

@@ -5,6 +5,7 @@
 //! second one takes all samples (see [`Sampling`]). Every ray is marched alone, so how a picture is cut never shows in it.
 
 mod beams;
+mod framing;
 mod meter;
 mod picture;
 mod pipeline;
@@ -15,6 +16,7 @@ mod renderer;
 mod stats;
 
 pub use beams::{BeamKernels, BeamTiles};
+pub use framing::{Iterations, Standpoint, automatic_camera, camera_of, standpoint};
 pub use pipeline::{Pipeline, Shape, compose_pipeline, compose_planned, in_precision};
 pub use renderer::{Cut, Renderer};
 pub use stats::Stats;

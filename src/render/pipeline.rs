@@ -2,6 +2,7 @@
 
 use super::RenderSettings;
 use super::beams::{BeamKernels, BeamTiles};
+use super::framing::camera_of;
 use super::plane::compose_plane;
 use crate::compose::choose::{UNIT_F32, UNIT_F64};
 use crate::compose::{Bounds, Choice, Composer, Plan, Purpose, choose, compose_estimator};
@@ -84,7 +85,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     if let Some(plane) = &composer.graph.plane {
         return compose_plane(composer, plane, settings, &plan);
     }
-    let camera = composer.graph.camera.unwrap_or_else(|| shade::frame_automatically(plan.bounding_radius));
+    let camera = camera_of(composer, &plan);
     let look: &Look = &composer.graph.look;
     let arena = composer.arena;
     let frame = CameraFrame::new(&camera);

@@ -6,7 +6,8 @@ use crate::check::truth::{Ray, Scale, Truth, Truths, view_rays};
 use crate::compose::Composer;
 use crate::diag::Diagnostic;
 use crate::graph::ValidGraph;
-use crate::shade::{Size, frame_automatically};
+use crate::render::camera_of;
+use crate::shade::Size;
 
 /// Rays through the picture.
 const RAYS: usize = 300;
@@ -56,7 +57,7 @@ pub(super) fn check_iterations(subject: &Subject, size: Size, health: &mut Healt
     let limits: Vec<u32> =
         crate::compose::field_orbits(&subject.composer()).iter().map(|o| o.settings.max_iterations).collect();
     let (Some(&least), Some(&most)) = (limits.iter().min(), limits.iter().max()) else { return Ok(()) };
-    let camera = subject.graph.camera.unwrap_or_else(|| frame_automatically(subject.plan.bounding_radius));
+    let camera = camera_of(&subject.composer(), &subject.plan);
     let scale = Scale::of_view(&camera, size, subject.plan.bounding_radius);
     let view = View { subject, rays: view_rays(&camera, size, RAYS, 9), scale };
     let full = view.truths(subject.graph)?;

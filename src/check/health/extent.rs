@@ -1,13 +1,13 @@
 //! Orbits: the form of the estimate against the growth of r, and declared radii against members of the set.
 
-use super::rule::median_exponent;
+use super::rule::{power_text, steady_exponent};
 use super::{Finding, Health, Kind, Severity, number, shown, spread};
 use crate::check::backends::{Backends, Target};
 use crate::check::random::Random;
 use crate::check::subject::Subject;
 use crate::check::truth::Members;
 use crate::compose::placement::Frame;
-use crate::compose::{Composer, FieldOrbit, compose_growth, field_orbits};
+use crate::compose::{Composer, FieldOrbit, Reach, compose_growth, field_orbits};
 use crate::diag::Diagnostic;
 use crate::graph::{DeForm, NodeKind, Primitive};
 use crate::kernel::cpu::{Cpu, Precision};
@@ -34,12 +34,15 @@ pub(super) fn check_forms(subject: &Subject, health: &mut Health) -> Result<(), 
     let composer = subject.composer();
     for (orbit, choice) in field_orbits(&composer).iter().zip(&subject.plan.choices) {
         let node = subject.graph.node(orbit.node);
-        let exponent = growth_exponent(&composer, orbit)?;
+        let Some(exponent) = growth_exponent(&composer, orbit)? else {
+            let text = format!("{}; far out r goes up and down, which is no power", choice.form.name());
+            health.measure(&node.name, "form", text);
+            continue;
+        };
         let measured = if exponent > POWER { DeForm::Logarithmic } else { DeForm::Linear };
         let growth = match measured {
             DeForm::Linear => "r grows by a constant factor a cycle".to_string(),
-            _ if exponent == f64::MAX => "r grows by a high power a cycle".to_string(),
-            _ => format!("r grows by power {} a cycle", number(exponent)),
+            _ => format!("r grows by {} a cycle", power_text(exponent)),
         };
         health.measure(&node.name, "form", format!("{}; far out {growth}", choice.form.name()));
         // One that was measured on the view may be the other: a test holds it to the truth.
@@ -71,7 +74,8 @@ fn is_about_growth(form: DeForm) -> bool {
     form == DeForm::Linear || form == DeForm::Logarithmic
 }
 
-fn growth_exponent(composer: &Composer, orbit: &FieldOrbit) -> Result<f64, Diagnostic> {
+/// `None` where r goes up and down.
+fn growth_exponent(composer: &Composer, orbit: &FieldOrbit) -> Result<Option<f64>, Diagnostic> {
     let (function, _) = compose_growth(composer, orbit.root, &orbit.settings)?;
     let width = usize::from(composer.graph.state_width(orbit.root, &orbit.settings));
     let cpu = Cpu::new(Precision::F64);
@@ -84,7 +88,7 @@ fn growth_exponent(composer: &Composer, orbit: &FieldOrbit) -> Result<f64, Diagn
         let result = cpu.run(&kernel, &[&columns]).expect("the CPU runs every kernel");
         cpu.download(&result).expect("the CPU holds every column").swap_remove(0)
     };
-    Ok(median_exponent(&radius(1e3), &radius(1e4)))
+    Ok(steady_exponent(radius))
 }
 
 /// The radius of the linear form against how far the orbits of members go.
@@ -132,6 +136,10 @@ pub(super) fn check_radius(subject: &Subject, health: &mut Health) -> Result<(),
     // Estimates are taken where orbits escape, so r is at least the escape radius: (r - radius) / dr for a set that
     // reaches further than the radius is too large by this factor at most.
     let escape = orbit.settings.escape_radius;
+    // Members that come back from beyond the escape radius say nothing of a ball that orbits end in.
+    if farthest.0 * (1.0 - THICKER) >= escape {
+        return Ok(());
+    }
     let factor = |reach: f64| (escape - choice.radius) / (escape - reach);
     if factor(farthest.0 * (1.0 - THICKER)) > 1.0 {
         let is_wrong = is_declared && factor(farthest.0) > TOO_LARGE;
@@ -182,7 +190,11 @@ pub(super) fn check_bounds(subject: &Subject, health: &mut Health) -> Result<(),
     let radius = subject.plan.bounding_radius;
     let is_declared = subject.graph.bounding_radius.is_some();
     let is_endless = |kind: &NodeKind| matches!(kind, NodeKind::Primitive(Primitive::Plane { .. }));
-    let kind = if is_declared { "declared" } else { "measured by itself" };
+    let kind = match subject.plan.reach {
+        Reach::Exact => "that of its primitives",
+        Reach::Sampled => "a guess: sampled, with a margin",
+        reach => reach.name(),
+    };
     if subject.graph.nodes.iter().any(|node| is_endless(&node.kind)) {
         health.measure("picture", "bounds", format!("{} ({kind}); planes go on beyond", number(radius)));
         return Ok(());
@@ -210,7 +222,7 @@ pub(super) fn check_bounds(subject: &Subject, health: &mut Health) -> Result<(),
         return Ok(());
     };
     health.measure("picture", "bounds", format!("{} ({kind}); members reach {}", number(radius), number(reached)));
-    if reached > radius {
+    if reached > radius && !subject.graph.cuts {
         health.findings.push(Finding {
             severity: if is_declared { Severity::Wrong } else { Severity::Warning },
             kind: Kind::Bounds,

@@ -186,12 +186,12 @@ pub fn check_steps(subject: &Subject) -> Result<Health, Diagnostic> {
 /// Parameters by name.
 type Params = Vec<(String, ParamValue)>;
 
-/// The step nodes of a graph, each kind of step once for every set of parameters, named for their first node. Parameters
+/// The step and shape nodes of a graph, each kind of step once for every set of parameters, named for their first node. Parameters
 /// that change with the iteration number have their first value.
 fn steps_in_use<'a>(library: &Library, graph: &'a ValidGraph) -> Vec<(String, &'a Step, Params)> {
     let mut found: Vec<(String, &Step, Params)> = Vec::new();
     for node in &graph.nodes {
-        let NodeKind::Step { step, params } = &node.kind else { continue };
+        let (NodeKind::Step { step, params } | NodeKind::Shape { step, params }) = &node.kind else { continue };
         let values = step.params.iter().zip(params).map(|(param, input)| {
             let value = match input {
                 ParamInput::Known(value) => value.clone(),

@@ -375,9 +375,14 @@ impl Check<'_> {
             let images = self.map.images(&states);
             images.iter().map(|image| image.iter().map(|x| x * x).sum::<f64>().sqrt()).collect()
         };
-        let exponent = median_exponent(&radius(1e3), &radius(1e4));
-        let text =
-            if exponent > POWER { format!("power {}", number(exponent)) } else { "a constant factor or less".into() };
+        let Some(exponent) = steady_exponent(radius) else {
+            health.measure(self.name, "growth", "goes up and down: no power tells of it");
+            return;
+        };
+        let text = match exponent > POWER {
+            true => power_text(exponent),
+            false => "a constant factor or less".into(),
+        };
         health.measure(self.name, "growth", text);
         let is_default = self.step.params.iter().zip(params).all(|(p, (_, value))| p.default == *value);
         // Other parameters may turn a power into a factor (a bulb of power 1); the file describes the defaults.
@@ -389,9 +394,9 @@ impl Check<'_> {
             _ => return,
         };
         let message = format!(
-            "the step `{}` declares the growth {declared}, but far out r grows by power {}",
+            "the step `{}` declares the growth {declared}, but far out r grows by {}",
             self.name,
-            number(exponent)
+            power_text(exponent)
         );
         let help =
             format!("write `growth: \"{expected}\"` in the step's description; the choice of a method depends on it");
@@ -404,7 +409,31 @@ fn largest(compared: &[(f64, &Vec<f64>, f64, f64)]) -> f64 {
     compared.iter().map(|c| c.0).fold(0.0, f64::max)
 }
 
-/// The median over directions of the power by which r grows from `near` to `far`, ten times further out.
+/// A power of growth in words.
+pub(super) fn power_text(exponent: f64) -> String {
+    if exponent < LARGEST { format!("power {}", number(exponent)) } else { "a high power".into() }
+}
+
+/// Powers beyond this are those of numbers beyond the range of numbers.
+const LARGEST: f64 = 1e3;
+/// Powers of two decades that differ by more than this share are those of no steady growth.
+const STEADY: f64 = 0.1;
+
+/// The power by which r grows far out, by three radii; `None` where decades do not agree on one.
+pub(super) fn steady_exponent(radius: impl Fn(f64) -> Vec<f64>) -> Option<f64> {
+    let [near, middle, far] = [1e3, 1.3e4, 1.1e5].map(radius);
+    let scale = |exponent: f64, ratio: f64| if exponent < f64::MAX { exponent / ratio.log10() } else { exponent };
+    let first = scale(median_exponent(&near, &middle), 13.0);
+    let second = scale(median_exponent(&middle, &far), 11.0 / 1.3);
+    // Numbers end before powers do.
+    if second == f64::MAX {
+        return Some(first);
+    }
+    let is_steady = (first - second).abs() <= STEADY * first.abs().max(1.0);
+    is_steady.then_some(first).or((first.max(second) <= POWER).then_some(first.max(second)))
+}
+
+/// The median over directions of the power by which r grows from `near` to `far`, where `far` is ten times further out.
 pub(super) fn median_exponent(near: &[f64], far: &[f64]) -> f64 {
     // What goes to 0 does not grow, what is beyond the range of numbers grows by any power.
     let exponent = |(a, b): (&f64, &f64)| match *b {

@@ -17,7 +17,7 @@ use crate::compose::{Plan, choose};
 use crate::graph::{Camera, DeForm, EstimateSettings, Method};
 use crate::kernel::Kernel;
 use crate::march::MarchSettings;
-use crate::shade::{CameraFrame, Size, frame_automatically};
+use crate::shade::{CameraFrame, Size};
 
 /// Copies of the rays that a GPU is timed with: a few hundred rays do not fill one.
 const GPU_COPIES: usize = 32;
@@ -39,7 +39,7 @@ impl View {
     /// About `count` rays of the formula's own view, at a picture size that says how large footprints are.
     pub fn sample(subject: &Subject, size: Size, count: usize) -> View {
         let bounding_radius = subject.plan.bounding_radius;
-        let camera = subject.graph.camera.unwrap_or_else(|| frame_automatically(bounding_radius));
+        let camera = crate::render::camera_of(&subject.composer(), &subject.plan);
         View::of_camera(camera, size, bounding_radius, count)
     }
 

@@ -30,6 +30,7 @@ use crate::kernel::{Estimator, EstimatorInputs, Orbit};
 use centre::Centre;
 use moved::{Context, Moved};
 use rounding::roundings;
+pub(super) use thresholds::lost_from;
 
 /// Share of a proven step that is taken: the rest is for rounding of the factor itself.
 const MARGIN: f64 = 0.999;

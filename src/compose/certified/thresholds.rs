@@ -4,10 +4,11 @@
 //! radius, which ends an orbit at any iteration. Steps say how a radius is pulled back (`fn pull_back(t, p)`); one that
 //! does not say leaves the escape radius, which is right and slow.
 
-use crate::compose::{ComposeResult, Composer};
+use crate::compose::maps::steps_of;
+use crate::compose::{ComposeResult, Composer, FieldOrbit};
 use crate::expr::Expr;
 use crate::formula::step::StateWidth;
-use crate::graph::{Constant, IterationMap, MapTree, NodeKind, NodeRef, Schedule};
+use crate::graph::{Constant, IterationMap, MapTree, NodeKind, NodeRef, Schedule, resolve_schedule};
 
 /// Thresholds that differ by less than this factor share the larger one.
 const ALIKE: f64 = 1.01;
@@ -35,6 +36,39 @@ pub(super) fn thresholds(
         all[k] = if before < escape_radius { before.max(0.0) } else { escape_radius };
     }
     Ok(all)
+}
+
+/// Shells that all of space is taken in, outermost first, as ratios of their radii.
+const SHELLS: [f64; 3] = [1.5, 1.1, 1.02];
+/// The smallest radius that is asked for.
+const SMALLEST: f64 = 1e-3;
+
+/// A radius, in an orbit's own frame, from which on to `far` all start points escape, by the steps' norm bounds alone; `None` where
+/// that is not known, not even of the outermost shell.
+pub(in crate::compose) fn lost_from(composer: &Composer, orbit: &FieldOrbit, far: f64) -> ComposeResult<Option<f64>> {
+    let (graph, settings) = (composer.graph, &orbit.settings);
+    // Steps that remember return to what they were, and first maps say nothing of norms.
+    if !settings.pre.is_empty() || steps_of(composer, orbit.root).iter().any(|step| step.remembers()) {
+        return Ok(None);
+    }
+    let limit = settings.max_iterations;
+    let (maps, schedule) = resolve_schedule(graph, orbit.root, settings.constant, limit);
+    let width = graph.state_width(orbit.root, settings);
+    let first = &maps[schedule.item(0)];
+    let escapes = |radius: f64, ratio: f64| -> ComposeResult<bool> {
+        let longest = radius * ratio + settings.slice.abs();
+        let all = thresholds(composer, &maps, &schedule, limit, settings.escape_radius, longest, width)?;
+        let needed = all[0] + constant_length(first.constant, longest);
+        let before = pull_back(composer, &first.map, needed, composer.arena.f(0.0), width)?;
+        Ok(before * (1.0 + 1e-9) <= radius)
+    };
+    let mut known = far;
+    for ratio in SHELLS {
+        while known > SMALLEST && escapes(known / ratio, ratio)? {
+            known /= ratio;
+        }
+    }
+    Ok((known < far).then_some(known))
 }
 
 /// Largest length of an iteration's constant.
