@@ -131,8 +131,8 @@ impl Space {
                 None => candidate.form.unwrap_or(choice.form),
             };
             if form == DeForm::Linear && choice.form != DeForm::Linear {
-                let fitting = choice.extent.min(orbit.settings.escape_radius * 0.5);
-                choice.radius = fixed.radius.unwrap_or(fitting);
+                // In a state of four components the sum of sizes is compared with half of it.
+                choice.radius = fixed.radius.unwrap_or_else(|| orbit.settings.linear_radius(choice.extent, 4));
             }
             choice.form = form;
             choice.fudge = candidate.fudge;

@@ -15,8 +15,19 @@ use crate::graph::{CALIBRATED_ROWS, Method, NodeRef};
 /// Fields that a calibration decides anew. A form stays what it is: it may be part of the set's definition.
 const OUTCOME: [&str; 4] = ["method", "fudge", "least_step", "calibrated"];
 /// Fields that the estimate is written behind.
-const BEFORE: [&str; 9] =
-    ["of", "output", "constant", "pre", "post", "escape_radius", "max_iterations", "slice", "bounding_radius"];
+const BEFORE: [&str; 11] = [
+    "of",
+    "output",
+    "constant",
+    "start",
+    "pre",
+    "post",
+    "escape",
+    "escape_radius",
+    "max_iterations",
+    "slice",
+    "bounding_radius",
+];
 
 /// The text of a subject's file without the outcome of an earlier calibration, for another one. `None` where it has none.
 pub fn without_outcome(subject: &Subject, text: SourceId) -> Option<String> {

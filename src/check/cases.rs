@@ -6,6 +6,7 @@ use super::formula::rendered;
 use super::random::Random;
 use super::subject::Subject;
 use crate::compose::ComposeResult;
+use crate::diag::Span;
 use crate::graph::{Method, Symmetry, TestKind};
 
 /// Points that symmetries are tried at.
@@ -32,14 +33,16 @@ pub(super) struct Case<'a> {
 /// A test's name.
 pub(super) fn label(kind: &TestKind) -> String {
     match kind {
-        TestKind::Inside(p) => format!("inside{}", point_text(p)),
-        TestKind::Outside(p) => format!("outside{}", point_text(p)),
-        TestKind::Orbit { point, iterations, .. } => format!("orbit{} after {iterations}", point_text(point)),
+        TestKind::Inside(p) => format!("inside{}", point_text(&p.components())),
+        TestKind::Outside(p) => format!("outside{}", point_text(&p.components())),
+        TestKind::Orbit { point, iterations, .. } => {
+            format!("orbit{} after {iterations}", point_text(&point.components()))
+        }
         TestKind::Estimate { point, method, .. } => {
-            format!("estimate{} {}", point_text(point), method.map_or("chosen", Method::name))
+            format!("estimate{} {}", point_text(&point.components()), method.map_or("chosen", Method::name))
         }
         TestKind::Ray { origin, direction, .. } => {
-            format!("ray{} towards {}", point_text(origin), point_text(direction))
+            format!("ray{} towards {}", point_text(&origin.components()), point_text(direction))
         }
         TestKind::Symmetric(symmetry) => format!("symmetric {}", symmetry_text(*symmetry)),
         TestKind::AgreesOnBackends => "agrees_on_backends".into(),
@@ -85,21 +88,32 @@ pub(super) fn expect_near(what: &str, found: f64, expected: f64, slack: f64) -> 
 }
 
 impl Case<'_> {
-    /// Runs one test.
+    /// Runs one test; a point's fourth component is that of the slice that is looked at.
     pub(super) fn check(&self, kind: &TestKind) -> Result<(), String> {
+        let Some(w) = kind.w() else { return self.check_here(kind) };
+        let graph = self.subject.graph.with_orbit_settings(|settings| {
+            settings.slice = w;
+            settings.four = settings.four.or(Some(Span::NONE));
+        });
+        let Subject { library, arena, .. } = *self.subject;
+        let subject = Subject { library, arena, graph: &graph, plan: self.subject.plan.clone() };
+        Case { subject: &subject, backends: self.backends, target: self.target }.check_here(kind)
+    }
+
+    fn check_here(&self, kind: &TestKind) -> Result<(), String> {
         match kind {
-            TestKind::Inside(p) => self.membership(*p, true),
-            TestKind::Outside(p) => self.membership(*p, false),
+            TestKind::Inside(p) => self.membership(p.at, true),
+            TestKind::Outside(p) => self.membership(p.at, false),
             TestKind::Orbit { point, iterations, expect, tolerance } => {
-                self.orbit(*point, *iterations, expect, *tolerance)
+                self.orbit(point.at, *iterations, expect, *tolerance)
             }
             TestKind::Estimate { point, method, expect, tolerance } => {
                 let method_used = method.or(self.subject.method()).unwrap_or(Method::Scalar);
-                let (found, _) = self.estimates(*method, &[*point])?[0];
+                let (found, _) = self.estimates(*method, &[point.at])?[0];
                 expect_near("estimate", found, *expect, tolerance + self.target.estimate_slack(method_used))
             }
             TestKind::Ray { origin, direction, expect, tolerance } => {
-                self.ray(*origin, *direction, *expect, *tolerance)
+                self.ray(origin.at, *direction, *expect, *tolerance)
             }
             TestKind::Symmetric(symmetry) => self.symmetric(*symmetry),
             TestKind::AgreesOnBackends => self.agrees(),

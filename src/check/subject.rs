@@ -10,8 +10,6 @@ use crate::graph::{EstimateSettings, Method, ValidGraph};
 use crate::kernel::{BackendError, Estimator, Kernel, Status, inwards, march_output_ports};
 use crate::march::{MarchSettings, compose_march};
 
-/// Escape radius of orbits that must not be stopped. Its square is still a number in single precision.
-const NO_ESCAPE: f64 = 1e18;
 /// First step of finite differences, before an estimate says which one is right.
 const FIRST_DIFFERENCE: f64 = 1e-4;
 /// Least step of finite differences in single precision.
@@ -79,7 +77,7 @@ impl<'a> Subject<'a> {
     /// The state after a number of iterations, whatever its size: outputs of the probe, `z` the last four.
     pub fn orbit_kernel(&self, iterations: u32) -> ComposeResult<Kernel> {
         let graph = self.graph.with_orbit_settings(|settings| {
-            settings.escape_radius = NO_ESCAPE;
+            settings.never_escape();
             settings.max_iterations = iterations;
         });
         let composer = Composer { graph: &graph, ..self.composer() };

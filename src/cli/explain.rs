@@ -155,6 +155,7 @@ fn param_row(param: &bulbfold::formula::step::StepParam) -> Vec<String> {
         ParamKind::Bool => "bool".into(),
         ParamKind::Angle => "angle".into(),
         ParamKind::Vec3 => "vec3".into(),
+        ParamKind::Point => "point".into(),
         ParamKind::Mat3 => "mat3".into(),
         ParamKind::Choice(words) => words.join(" or "),
     };
@@ -171,6 +172,7 @@ pub fn value_text(value: &ParamValue) -> String {
         ParamValue::Bool(b) => b.to_string(),
         ParamValue::Word(word) => word.clone(),
         ParamValue::Vector(v) => numbers(v),
+        ParamValue::Point(v) => numbers(v),
         ParamValue::Matrix(rows) => rows.iter().map(|row| numbers(row)).collect::<Vec<_>>().join(", "),
     }
 }

@@ -7,7 +7,7 @@ use bulbfold::expr::{Arena, Function, notation};
 use bulbfold::formula::step::{ParamValue, Step};
 use bulbfold::formula::written::written;
 use bulbfold::graph::{
-    Condition, Constant, MapTree, NodeKind, NodeRef, ParamInput, Schedule, ValidGraph, resolve_schedule,
+    Condition, Constant, Escape, MapTree, NodeKind, NodeRef, ParamInput, Schedule, ValidGraph, resolve_schedule,
 };
 
 use super::explain::value_text;
@@ -78,10 +78,12 @@ impl Notation<'_> {
             text.push_str(&self.comment(&constant_text(map.constant), 0));
             blocks.push(Block::Code(self.language(), text));
         }
-        let end = format!(
-            "It ends where r = |z| is above {}, or after {} iterations: such points are inside.",
-            settings.escape_radius, settings.max_iterations
-        );
+        if let Some(start) = settings.start {
+            blocks.push(Block::Text(format!("It starts at {}, and c is the point.", point_text(start))));
+        }
+        let ends = escape_text(settings.escape, settings.escape_radius);
+        let end =
+            format!("It ends where {ends}, or after {} iterations: such points are inside.", settings.max_iterations);
         blocks.push(Block::Text(end));
         Ok(blocks)
     }
@@ -179,14 +181,32 @@ fn schedule_text(schedule: &Schedule) -> String {
 }
 
 fn constant_text(constant: Constant) -> String {
-    let point = |p: [f64; 3]| format!("({}, {}, {})", p[0], p[1], p[2]);
+    let point = point_text;
     match constant {
-        Constant::Mandelbrot => "then z' = z + c, where c is the start point".into(),
+        Constant::Mandelbrot => "then z' = z + c, where c is the point".into(),
         Constant::Julia(p) => format!("then z' = z + {}", point(p)),
         Constant::Mix(p, amount) => {
-            format!("then z' = z + {} c + {amount} {}, where c is the start point", 1.0 - amount, point(p))
+            format!("then z' = z + {} c + {amount} {}, where c is the point", 1.0 - amount, point(p))
         }
         Constant::Off => "nothing is added".into(),
+    }
+}
+
+/// A point with its fourth component where that is not 0.
+fn point_text(p: [f64; 4]) -> String {
+    let shown = if p[3] == 0.0 { &p[..3] } else { &p[..] };
+    format!("({})", shown.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))
+}
+
+fn escape_text(escape: Escape, bound: f64) -> String {
+    match escape {
+        Escape::Length => format!("r = |z| is above {bound}"),
+        Escape::Largest => format!("the largest component of z in size is above {bound}"),
+        Escape::Sum => format!("the sum of the sizes of z's components is above {bound}"),
+        Escape::Above(normal) => format!("z · {} is above {bound}", point_text(normal)),
+        Escape::Beyond(normal) => format!("|z · {}| is above {bound}", point_text(normal)),
+        Escape::Near(point) => format!("|z - {}| is below {bound}", point_text(point)),
+        Escape::Still => format!("z moves by less than {bound}, or by less than {bound} |z|, in an iteration"),
     }
 }
 

@@ -7,8 +7,8 @@ use super::reach::{FAR, Found, Reach, has_endless_primitives, member_beyond, pri
 use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
 use crate::graph::{
-    DeForm, Difference, DifferenceStep, EstimateSettings, Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method, NodeKind,
-    NodeRef,
+    DeForm, Difference, DifferenceStep, Escape, EstimateSettings, Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method,
+    NodeKind, NodeRef,
 };
 
 /// How distances are estimated from one orbit.
@@ -34,6 +34,8 @@ pub struct Choice {
     pub tight: bool,
     /// Radius of a ball around the orbit's own origin that holds the set, as measured.
     pub extent: f64,
+    /// Whether orbits end by the length of z: only then does the size of the threshold's image tell how much of the set is near.
+    pub by_length: bool,
     /// Relative error of one operation: proofs leave room for it.
     pub unit: f64,
     /// Methods that apply.
@@ -56,6 +58,7 @@ impl Default for Choice {
             differentiable: false,
             tight: false,
             extent: 0.0,
+            by_length: true,
             unit: UNIT_F32,
             applicable: Vec::new(),
             reason: String::new(),
@@ -139,7 +142,8 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
         let fixed = wanted.or(orbit.settings.estimate).radius;
         if matches!(choice.form, DeForm::Linear | DeForm::Box) {
             // Beyond half the escape radius the form would say 0 right where orbits escape.
-            choice.radius = fixed.unwrap_or_else(|| extent.min(orbit.settings.escape_radius * 0.5));
+            let width = composer.graph.state_width(orbit.root, &orbit.settings);
+            choice.radius = fixed.unwrap_or_else(|| orbit.settings.linear_radius(extent, width));
         }
         radii.extend(orbit.frame.reach(extent));
     }
@@ -183,7 +187,8 @@ fn choose_orbit(
     let smooth = levels.is_some_and(|levels| matches!(levels.join, Join::SmoothUnion(_)));
     let power = if orbit.settings.shape.is_some() { 1.0 } else { growth.power };
     let remembers = steps_of(composer, orbit.root).iter().find(|s| s.remembers()).map(|s| s.name.clone());
-    let facts = Facts { blocking, remembers, has_rules: rules.is_some(), smooth, power };
+    let escape = orbit.settings.escape;
+    let facts = Facts { blocking, remembers, has_rules: rules.is_some(), smooth, power, escape };
     let applicable: Vec<Method> = Method::ALL.into_iter().filter(|m| facts.why_not(*m).is_none()).collect();
     let blocking = &facts.blocking;
     let (mut method, mut reason) = match (blocking, rules.is_some()) {
@@ -226,7 +231,13 @@ fn choose_orbit(
             warnings.push(format!("the form `{form}` does not apply: `{method}` goes by what escapes alone"));
             growth.form()
         }
+        Some(form @ (DeForm::Box | DeForm::Plane)) if escape.is_convergence() => {
+            warnings.push(format!("the form `{}` does not apply: the orbit ends by convergence", form.name()));
+            DeForm::Linear
+        }
         Some(form) => form,
+        None if escape.is_convergence() => DeForm::Linear,
+        None if escape != Escape::Length && orbit.settings.escape_radius <= 1.0 => DeForm::Linear,
         None if method.is_potential() => DeForm::Logarithmic,
         None => {
             reason = format!("{reason}; {}", growth.evidence);
@@ -245,6 +256,7 @@ fn choose_orbit(
         differentiable: facts.blocking.is_none(),
         tight: false,
         extent: 0.0,
+        by_length: escape == Escape::Length,
         unit: UNIT_F32,
         applicable,
         reason,
@@ -263,6 +275,8 @@ struct Facts {
     smooth: bool,
     /// Power by which r grows in an iteration.
     power: f64,
+    /// What ends the orbit.
+    escape: Escape,
 }
 
 impl Facts {
@@ -273,6 +287,12 @@ impl Facts {
             return Some(format!(
                 "the step `{step}` remembers its state of the time before, which proofs do not follow"
             ));
+        }
+        if method.is_certified() && self.escape == Escape::Still {
+            return Some("proofs do not follow how far an orbit moves in an iteration".to_string());
+        }
+        if method.is_potential() && self.escape.is_convergence() {
+            return Some("the orbit ends by convergence, and its potential is that of r".to_string());
         }
         match (method, &self.blocking) {
             (Method::Own, _) => Some("an iterated map has no distance of its own, only primitives have".to_string()),

@@ -6,7 +6,7 @@ use super::norm::{frobenius_norm, largest_singular_value, long_length, scaled_le
 use super::orbit::{Constants, OrbitBuilder, State};
 use super::{ComposeResult, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Type};
-use crate::graph::{DeForm, Difference, Method, NO_ESCAPE};
+use crate::graph::{DeForm, Difference, Escape, Method, NO_ESCAPE};
 
 /// The state after the last iteration and the post-transforms.
 struct End<'g> {
@@ -115,6 +115,7 @@ impl<'a> OrbitBuilder<'a> {
     fn end(&self, state: &State<'a>, n: Expr<'a>) -> ComposeResult<End<'a>> {
         let arena = self.composer.arena;
         let zero = state.z.lift(0.0);
+        let state = &self.measured(state);
         let moved = self.apply_all(&self.settings.post, Moved { z: state.z, dr: state.dr }, zero)?;
         let rows = match self.carried.jacobian {
             true => Differentiator::of_gradients(arena, &[(state.z, state.rows.clone())]).tangents(moved.z),
@@ -137,10 +138,18 @@ impl<'a> OrbitBuilder<'a> {
 
     /// True where the size is a length that nothing reads unless the orbit has escaped: what is inside has no distance.
     fn tells_of_escaped(&self) -> bool {
-        let is_length =
-            matches!(self.choice.form, DeForm::Linear | DeForm::Logarithmic) && self.settings.post.is_empty();
+        let is_length = self.is_length() && self.settings.post.is_empty() && self.settings.escape == Escape::Length;
         let is_distance = matches!(self.purpose, Purpose::Estimate | Purpose::March | Purpose::Decision);
         is_length && is_distance && self.settings.shape.is_none() && self.settings.escape_radius < NO_ESCAPE
+    }
+
+    /// True where the size is the length of what is measured.
+    fn is_length(&self) -> bool {
+        match self.choice.form {
+            DeForm::Linear => self.settings.escape == Escape::Length || self.settings.escape.is_convergence(),
+            DeForm::Logarithmic => true,
+            DeForm::Box | DeForm::Plane | DeForm::End => false,
+        }
     }
 
     /// True where the squares of an escaped orbit are within single precision's range: one iteration only grows by a factor.
@@ -152,7 +161,7 @@ impl<'a> OrbitBuilder<'a> {
     fn size(&self, z: Expr<'a>, n: Expr<'a>) -> ComposeResult<Expr<'a>> {
         match (self.choice.form, self.settings.shape) {
             (DeForm::End, Some(shape)) => shape_at(self.composer, shape.field, z, n),
-            (form, _) => Ok(plain_size(form, self.choice.axis, z)),
+            (form, _) => Ok(plain_size(form, self.choice.axis, self.settings.escape, z)),
         }
     }
 
@@ -183,7 +192,7 @@ impl<'a> OrbitBuilder<'a> {
     fn gradient(&self, end: &End<'a>, h: Expr<'a>) -> Option<Expr<'a>> {
         let arena = self.composer.arena;
         if self.carried.jacobian {
-            if self.choice.form.is_shape() {
+            if !self.is_length() {
                 let seeds = [(end.z, end.rows.clone())];
                 return Some(Differentiator::of_gradients(arena, &seeds).tangents(end.size)[0]);
             }
@@ -230,13 +239,19 @@ impl<'a> OrbitBuilder<'a> {
         let zero = arena.f(0.0);
         let tiny = arena.f(1e-30);
         let known = slope.max(tiny);
-        let logarithmic = || size * size.ln() * 0.5 / known;
+        let converges = self.settings.escape.is_convergence();
+        let logarithmic = || match converges {
+            // Near a point that attracts by a power its logarithm is a potential as well, below 0.
+            true => -(size * size.max(tiny).ln() * 0.5 / known),
+            false => size * size.ln() * 0.5 / known,
+        };
         let d = match (self.choice.method, self.choice.form) {
             // |grad G| = |grad r| / (r power^n), so G / 2 |grad G| is the logarithmic form, and powers cannot overflow.
             (Method::Potential, _) => logarithmic(),
             (Method::Sinh, _) => logarithmic() * self.sinh_factor(size, n),
             (_, DeForm::Logarithmic) => logarithmic(),
             (_, DeForm::End) => size / known,
+            (_, DeForm::Linear) if converges => (-size + self.choice.radius) / known,
             (_, DeForm::Linear | DeForm::Box | DeForm::Plane) => (size - self.choice.radius) / known,
         };
         let nan = arena.f(f64::NAN);
@@ -265,9 +280,10 @@ impl<'a> OrbitBuilder<'a> {
 }
 
 /// The size of an end point in the sense of a form, for orbits without an end shape.
-pub(super) fn plain_size<'g>(form: DeForm, axis: [f64; 3], z: Expr<'g>) -> Expr<'g> {
+pub(super) fn plain_size<'g>(form: DeForm, axis: [f64; 3], escape: Escape, z: Expr<'g>) -> Expr<'g> {
     match form {
-        DeForm::Linear | DeForm::Logarithmic | DeForm::End => scaled_length(z),
+        DeForm::Linear => super::escape::size(escape, z).unwrap_or_else(|| scaled_length(z)),
+        DeForm::Logarithmic | DeForm::End => scaled_length(z),
         DeForm::Box => z.abs().components().into_iter().reduce(|a, b| a.max(b)).unwrap_or(z),
         DeForm::Plane => z.xyz().dot(z.arena.v3(axis)).abs(),
     }

@@ -39,7 +39,8 @@ fn collect(composer: &Composer, node: NodeRef, frame: &Frame, orbits: &mut Vec<F
         NodeKind::Orbit { of, settings } => {
             let known = orbits.iter().any(|o| o.node == node && o.frame == *frame);
             if !known {
-                orbits.push(FieldOrbit { node, root: *of, settings: (**settings).clone(), frame: frame.clone() });
+                let settings = OrbitSettings { slice: settings.slice + frame.slice(), ..(**settings).clone() };
+                orbits.push(FieldOrbit { node, root: *of, settings, frame: frame.clone() });
             }
         }
         NodeKind::Transform { of, placement } => collect(composer, *of, &frame.inside(*placement), orbits),
@@ -221,7 +222,11 @@ impl<'g> FieldBuilder<'_, 'g> {
             NodeKind::Orbit { of, settings } => match self.leaves {
                 Some(leaves) => self.orbit(node, frame, leaves)?,
                 None => {
-                    let (d, inside) = unrolled(self.composer, *of, settings, self.local(frame)?)?;
+                    let at = self.local(frame)?;
+                    // Where space has four components they are moved with it.
+                    let up = if at.ty().width == 4 { 0.0 } else { frame.slice() };
+                    let settings = OrbitSettings { slice: settings.slice + up, ..(**settings).clone() };
+                    let (d, inside) = unrolled(self.composer, *of, &settings, at)?;
                     FieldValue::plain(self.back(frame, d)?, inside)
                 }
             },

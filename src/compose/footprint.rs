@@ -24,7 +24,10 @@ pub(super) const SHARE_OF_TRUTH: f64 = 1.0 / COVERS;
 
 /// True where orbits end at the footprint once something that tells of it is carried: in marches of a set of known extent.
 pub(super) fn can_follow_footprint(choice: &Choice, purpose: Purpose) -> bool {
-    matches!(purpose, Purpose::March | Purpose::Truth) && choice.extent > 0.0 && !choice.form.is_shape()
+    matches!(purpose, Purpose::March | Purpose::Truth)
+        && choice.extent > 0.0
+        && choice.by_length
+        && !choice.form.is_shape()
 }
 
 /// Whether the scalar rules say how large the image of a small ball is. Where they only bound it, points well in front of the set
@@ -48,8 +51,7 @@ impl<'a> OrbitBuilder<'a> {
     /// Whether the orbit ends with this state: it escaped, or its detail is below the hit threshold. NaN compares false, so
     /// it counts as escaped.
     pub(super) fn has_ended(&self, state: &State<'a>, hit_eps: Expr<'a>) -> Expr<'a> {
-        let limit = self.composer.arena.f(self.settings.escape_radius * self.settings.escape_radius);
-        let escaped = !state.z.dot(state.z).le(limit);
+        let escaped = !self.stays(state);
         if self.follows_footprint() { escaped.or(self.is_resolved(state, hit_eps)) } else { escaped }
     }
 
@@ -76,9 +78,7 @@ impl<'a> OrbitBuilder<'a> {
 
     /// The estimate of a march with the mark of what is resolved.
     pub(super) fn mark_resolved(&self, state: &State<'a>, hit_eps: Expr<'a>, de: Expr<'a>) -> Expr<'a> {
-        let limit = self.settings.escape_radius * self.settings.escape_radius;
-        let stays = state.z.dot(state.z).le(self.composer.arena.f(limit));
-        stays.and(self.is_resolved(state, hit_eps)).select(de.lift(RESOLVED), de)
+        self.stays(state).and(self.is_resolved(state, hit_eps)).select(de.lift(RESOLVED), de)
     }
 }
 

@@ -85,7 +85,7 @@ impl<'g> Memory<'g> {
 
 /// What an iteration adds, from the start point's constant.
 pub(super) fn fixed_constant<'a>(arena: &'a Arena, constant: Constant, c: Expr<'a>) -> Expr<'a> {
-    let fixed = |v: [f64; 3]| arena.constant(c.ty(), [v[0], v[1], v[2], 0.0]);
+    let fixed = |v: [f64; 4]| arena.constant(c.ty(), v);
     match constant {
         Constant::Mandelbrot => c,
         Constant::Julia(v) => fixed(v),

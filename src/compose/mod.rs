@@ -8,6 +8,7 @@
 mod bounds;
 mod certified;
 pub mod choose;
+mod escape;
 mod estimate;
 mod field;
 mod footprint;

@@ -6,7 +6,7 @@ use super::maps::{Memory, Moved, apply, apply_all, fixed_constant, remembering};
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
-use crate::graph::{Constant, IterationMap, Method, NodeRef, OrbitSettings, resolve_schedule};
+use crate::graph::{Constant, Escape, IterationMap, Method, NodeRef, OrbitSettings, resolve_schedule};
 use crate::kernel::{EstimatorInputs, Orbit};
 
 /// What an orbit carries besides z.
@@ -96,17 +96,24 @@ pub(super) struct State<'g> {
 /// that ask for them.
 #[derive(Clone)]
 pub(super) struct Before<'g> {
-    node: NodeRef,
-    z: Expr<'g>,
-    dr: Option<Expr<'g>>,
-    rows: Vec<Expr<'g>>,
-    along: Option<Expr<'g>>,
-    shifted: Vec<Expr<'g>>,
+    /// The step's node; none for what the escape test compares with.
+    node: Option<NodeRef>,
+    pub(super) z: Expr<'g>,
+    pub(super) dr: Option<Expr<'g>>,
+    pub(super) rows: Vec<Expr<'g>>,
+    pub(super) along: Option<Expr<'g>>,
+    pub(super) shifted: Vec<Expr<'g>>,
 }
 
 impl<'g> Before<'g> {
+    /// The whole of a state, for an escape test that compares it with the next.
+    fn of(state: &State<'g>) -> Before<'g> {
+        let State { z, dr, rows, along, shifted, .. } = state.clone();
+        Before { node: None, z, dr, rows, along, shifted }
+    }
+
     /// Nothing yet: zeros of the types that the state has.
-    fn nothing(node: NodeRef, state: &State<'g>) -> Before<'g> {
+    fn nothing(node: Option<NodeRef>, state: &State<'g>) -> Before<'g> {
         let zero = |e: &Expr<'g>| e.arena.constant(e.ty(), [0.0; 4]);
         Before {
             node,
@@ -140,6 +147,17 @@ impl<'g> Before<'g> {
 }
 
 impl<'g> State<'g> {
+    /// Puts a point in the place of z that is the same for all points: nothing changes with them.
+    fn fix(&mut self, start: [f64; 4]) {
+        let arena = self.z.arena;
+        let zero = |e: &Expr<'g>| arena.constant(e.ty(), [0.0; 4]);
+        self.z = arena.constant(self.z.ty(), start);
+        self.dr = self.dr.as_ref().map(zero);
+        self.rows = self.rows.iter().map(zero).collect();
+        self.along = self.along.as_ref().map(zero);
+        self.shifted = self.shifted.iter().map(|z| arena.constant(z.ty(), start)).collect();
+    }
+
     pub(super) fn parts(&self) -> Vec<(String, Expr<'g>)> {
         let numbered = |name: &'static str, list: &[Expr<'g>]| {
             let axes = ["x", "y", "z", "w"];
@@ -183,13 +201,21 @@ impl<'g> State<'g> {
         }
     }
 
+    /// What steps remember of the time before.
+    fn remembered(&self) -> impl Iterator<Item = &Before<'g>> {
+        self.before.iter().filter(|before| before.node.is_some())
+    }
+
     /// What z and its running derivative, or the i-th shifted orbit, remember.
     fn memory(&self, shifted: Option<usize>) -> Memory<'g> {
-        let of = |before: &Before<'g>| match shifted {
-            None => (before.node, Moved { z: before.z, dr: before.dr }),
-            Some(i) => (before.node, Moved { z: before.shifted[i], dr: None }),
+        let of = |before: &Before<'g>| {
+            let node = before.node?;
+            Some(match shifted {
+                None => (node, Moved { z: before.z, dr: before.dr }),
+                Some(i) => (node, Moved { z: before.shifted[i], dr: None }),
+            })
         };
-        Memory::of(self.before.iter().map(of))
+        Memory::of(self.before.iter().filter_map(of))
     }
 
     pub(super) fn ports(&self) -> Vec<Port> {
@@ -308,7 +334,7 @@ impl<'a> OrbitBuilder<'a> {
         let shifted = offsets.iter().map(|offset| begin(p + *offset * h).map(|m| m.z));
         let shifted = shifted.collect::<ComposeResult<Vec<_>>>()?;
         let far = arena.constant(Type::V4, [1e6; 4]);
-        let state = State {
+        let mut state = State {
             z: first.z,
             dr: first.dr,
             rows: rows.clone(),
@@ -318,9 +344,12 @@ impl<'a> OrbitBuilder<'a> {
             joined: None,
             before: Vec::new(),
         };
-        let before = remembering(self.composer, self.root).into_iter();
-        let before = before.map(|node| Before::nothing(node, &state)).collect();
-        let state = State { before, ..state };
+        if let Some(start) = self.settings.start {
+            state.fix(start);
+        }
+        let before = remembering(self.composer, self.root).into_iter().map(Some);
+        let compared = (self.settings.escape == Escape::Still).then_some(None);
+        state.before = before.chain(compared).map(|node| Before::nothing(node, &state)).collect();
         let dc = first.dr.unwrap_or_else(|| arena.f(0.0));
         let constants = Constants { c: first.z, dc, rows, along, shifted, h, hit_eps };
         let state = self.with_level(state, None, &constants, arena.f(0.0))?;
@@ -398,14 +427,14 @@ impl<'a> OrbitBuilder<'a> {
         let mut rows = Vec::new();
         if self.carried.jacobian {
             let mut seeds = vec![(state.z, state.rows.clone()), (constants.c, constants.rows.clone())];
-            seeds.extend(state.before.iter().map(|before| (before.z, before.rows.clone())));
+            seeds.extend(state.remembered().map(|before| (before.z, before.rows.clone())));
             let mut differentiator = Differentiator::of_gradients(arena, &seeds);
             rows = differentiator.tangents(z);
             before.iter_mut().for_each(|before| before.rows = differentiator.tangents(before.z));
         }
         let along = state.along.zip(constants.along).map(|(along, c_along)| {
             let mut seeds = vec![(state.z, along), (constants.c, c_along)];
-            seeds.extend(state.before.iter().filter_map(|before| Some((before.z, before.along?))));
+            seeds.extend(state.remembered().filter_map(|before| Some((before.z, before.along?))));
             let mut differentiator = Differentiator::new(arena, &seeds);
             before.iter_mut().for_each(|before| before.along = Some(differentiator.derivative(before.z)));
             differentiator.derivative(z)
@@ -422,6 +451,9 @@ impl<'a> OrbitBuilder<'a> {
             let sizes = z.xyz().abs().components();
             trap.min(arena.compose(&[z.xyz().dot(z.xyz()), sizes[0], sizes[1], sizes[2]]))
         });
+        if let Some(compared) = before.iter_mut().find(|before| before.node.is_none()) {
+            *compared = Before::of(state);
+        }
         let next = State { z, dr, rows, along, shifted, trap, joined: None, before };
         self.with_level(next, state.joined.as_ref(), constants, n + 1.0)
     }

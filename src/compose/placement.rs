@@ -46,6 +46,12 @@ impl Frame {
         self.places.iter().map(|place| if let Place::Placed(p) = place { p.scale } else { 1.0 }).product()
     }
 
+    /// What of w a placed orbit of four components sees where its `slice` is 0: placements of four components move it.
+    pub fn slice(&self) -> f64 {
+        let placed = self.places.iter().filter_map(|place| if let Place::Placed(p) = place { Some(p) } else { None });
+        placed.fold(0.0, |w, placement| (w - placement.translate[3]) / placement.scale)
+    }
+
     /// The maps that space is warped by.
     pub fn maps(&self) -> impl Iterator<Item = NodeRef> {
         self.places.iter().filter_map(|place| if let Place::Warped(by) = place { Some(*by) } else { None })
@@ -117,28 +123,30 @@ impl Frame {
     pub fn reach(&self, radius: f64) -> Option<f64> {
         self.places.iter().rev().try_fold(radius, |radius, place| {
             let Place::Placed(placement) = place else { return None };
-            let offset = placement.translate.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let offset = placement.translate[..3].iter().map(|x| x * x).sum::<f64>().sqrt();
             Some(radius * placement.scale + offset)
         })
     }
 }
 
 impl Place {
-    /// A point one frame further in. A fourth component is only scaled.
+    /// A point one frame further in. A fourth component is moved and scaled.
     pub(super) fn enter<'g>(&self, composer: &Composer<'g>, moved: Moved<'g>) -> ComposeResult<Moved<'g>> {
         let xyz = moved.z.xyz();
-        let (inner, scale) = match self {
+        let (inner, scale, up) = match self {
             Place::Warped(by) => {
                 let c = moved.z.lift(0.0);
                 return apply_all(composer, &[*by], moved, c);
             }
-            Place::Placed(placement) => (place(xyz, *placement), 1.0 / placement.scale),
-            Place::Tiled(tiling, shift) => (tile(xyz, *tiling, *shift).0, 1.0),
+            Place::Placed(placement) => (place(xyz, *placement), 1.0 / placement.scale, placement.translate[3]),
+            Place::Tiled(tiling, shift) => (tile(xyz, *tiling, *shift).0, 1.0, 0.0),
         };
         let z = match moved.z.ty().width {
             4 => {
                 let parts = inner.components();
-                xyz.arena.compose(&[parts[0], parts[1], parts[2], moved.z.component(3) * scale])
+                let w = moved.z.component(3);
+                let w = if up == 0.0 { w } else { w - up };
+                xyz.arena.compose(&[parts[0], parts[1], parts[2], w * scale])
             }
             _ => inner,
         };
@@ -161,7 +169,8 @@ impl Place {
 }
 
 fn place(p: Expr<'_>, placement: Placement) -> Expr<'_> {
-    let moved = p - p.arena.v3(placement.translate);
+    let [x, y, z, _] = placement.translate;
+    let moved = p - p.arena.v3([x, y, z]);
     rotate(moved, placement.axis, -placement.angle) * (1.0 / placement.scale)
 }
 

@@ -2,7 +2,7 @@
 
 use super::maps::{Memory, Moved, apply, apply_all, fixed_constant, scalar_rules, steps_of};
 use super::norm::scaled_length;
-use super::{ComposeResult, Composer};
+use super::{ComposeResult, Composer, escape};
 use crate::expr::{Differentiator, Expr};
 use crate::formula::step::Growth;
 use crate::graph::{DeForm, NodeRef, OrbitSettings, resolve_schedule};
@@ -30,11 +30,13 @@ pub(super) fn unrolled<'g>(
     let zero = start.lift(0.0);
     let first = Moved { z: start, dr: has_rules.then(|| arena.f(1.0)) };
     let first = apply_all(composer, &settings.pre, first, zero)?;
-    let (mut z, mut dr) = (first.z, first.dr);
-    let (c, dc) = (z, dr);
-    let limit = arena.f(settings.escape_radius * settings.escape_radius);
+    let (c, dc) = (first.z, first.dr);
+    let (mut z, mut dr) = match settings.start {
+        Some(start) => (arena.constant(c.ty(), start), dc.map(|dc| dc.lift(0.0))),
+        None => (c, dc),
+    };
     let (maps, schedule) = resolve_schedule(composer.graph, root, settings.constant, settings.max_iterations);
-    let mut stays = z.dot(z).le(limit);
+    let mut stays = escape::stays(settings, z, None);
     let mut memory = Memory::nothing(composer, root, Moved { z, dr });
     for n in 0..settings.max_iterations {
         let item = &maps[schedule.item(n as usize)];
@@ -44,7 +46,7 @@ pub(super) fn unrolled<'g>(
         let next_dr = next.dr.zip(dc).map(|(dr, dc)| dr + dc * weight);
         dr = dr.zip(next_dr).map(|(before, after)| stays.select(after, before));
         z = stays.select(next.z + added, z);
-        stays = z.dot(z).le(limit);
+        stays = escape::stays(settings, z, None);
     }
     let end = apply_all(composer, &settings.post, Moved { z, dr }, zero)?;
     let size = size(composer, root, settings, end.z)?;
@@ -83,6 +85,6 @@ fn size<'g>(composer: &Composer<'g>, root: NodeRef, settings: &OrbitSettings, z:
     let is_power = steps_of(composer, root).iter().any(|step| step.growth == Some(Growth::Power));
     let form = estimate.form.unwrap_or(if is_power { DeForm::Logarithmic } else { DeForm::Linear });
     let axis = estimate.axis.unwrap_or([0.0, 0.0, 1.0]);
-    let value = super::estimate::plain_size(form, axis, z);
+    let value = super::estimate::plain_size(form, axis, settings.escape, z);
     Ok(Size { value, form, radius: estimate.radius.unwrap_or(0.0), decides: form.is_shape() })
 }

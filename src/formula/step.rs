@@ -113,6 +113,8 @@ pub enum ParamKind {
     Angle,
     /// Three numbers.
     Vec3,
+    /// Three numbers, or four for orbits of four components: scripts see as many as z has.
+    Point,
     /// Three rows of three numbers.
     Mat3,
     /// One of these words.
@@ -128,6 +130,8 @@ pub enum ParamValue {
     Bool(bool),
     /// Three numbers.
     Vector([f64; 3]),
+    /// Four numbers, of a parameter that may have three.
+    Point([f64; 4]),
     /// Rows.
     Matrix([[f64; 3]; 3]),
     /// A word.
@@ -212,6 +216,7 @@ impl Step {
         let embeds = self.state == StateWidth::Embeds;
         let (z, c) = if narrow || embeds { (full.xyz(), inputs.c.xyz()) } else { (full, inputs.c) };
         let script = |e: Expr<'g>| Dynamic::from(Symbol::new(arena, e));
+        let params = &self.as_wide(arena, params, z.ty().width);
         let mut args = vec![script(z), script(c), Dynamic::from(params.clone())];
         let before = inputs.before.map_or(z.lift(0.0), |before| if narrow { before.z.xyz() } else { before.z });
         if self.remembers() {
@@ -239,6 +244,20 @@ impl Step {
         // What is built after the step is not the step's.
         arena.set_span(Span::NONE);
         Ok(Traced { z: after, dr })
+    }
+
+    /// The parameters with points of as many components as the state that the step acts on has.
+    fn as_wide(&self, arena: &Rc<Arena>, params: &Map, width: u8) -> Map {
+        let mut params = params.clone();
+        for param in self.params.iter().filter(|param| param.kind == ParamKind::Point && width == 3) {
+            if let Some(value) = params.get_mut(param.name.as_str()) {
+                let wide = value.read_lock::<Symbol>().map(|symbol| arena.expr(symbol.expr().id));
+                if let Some(wide) = wide.filter(|wide| wide.ty() == Type::V4) {
+                    *value = Dynamic::from(Symbol::new(arena, wide.xyz()));
+                }
+            }
+        }
+        params
     }
 
     /// Whether the step reads what state it had the last time that it ran: its function has a fourth argument.
@@ -299,12 +318,15 @@ const REMEMBERING: (usize, usize) = (4, 5);
 /// A parameter's value as its step's script sees it: radians, rows as vectors.
 pub fn script_value(arena: &Rc<Arena>, kind: &ParamKind, value: &ParamValue) -> Dynamic {
     let vector = |v: &[f64; 3]| Dynamic::from(Symbol::new(arena, arena.v3(*v)));
+    let point = |v: [f64; 4]| Dynamic::from(Symbol::new(arena, arena.constant(Type::V4, v)));
     match value {
         ParamValue::Number(x) if *kind == ParamKind::Angle => Dynamic::from_float(x.to_radians()),
         ParamValue::Number(x) if *kind == ParamKind::Int => Dynamic::from_int(*x as i64),
         ParamValue::Number(x) => Dynamic::from_float(*x),
         ParamValue::Bool(b) => Dynamic::from_bool(*b),
+        ParamValue::Vector([x, y, z]) if *kind == ParamKind::Point => point([*x, *y, *z, 0.0]),
         ParamValue::Vector(v) => vector(v),
+        ParamValue::Point(v) => point(*v),
         ParamValue::Matrix(rows) => Dynamic::from_array(rows.iter().map(vector).collect()),
         ParamValue::Word(word) => Dynamic::from(word.clone()),
     }

@@ -31,7 +31,8 @@ pub fn written(
     arena: &Rc<Arena>,
     given: &[(String, ParamValue)],
 ) -> Result<Written, Diagnostic> {
-    let can_be = |kind: &ParamKind| matches!(kind, ParamKind::Float | ParamKind::Angle | ParamKind::Vec3);
+    let can_be =
+        |kind: &ParamKind| matches!(kind, ParamKind::Float | ParamKind::Angle | ParamKind::Vec3 | ParamKind::Point);
     let mut symbolic: Vec<bool> = step.params.iter().map(|param| can_be(&param.kind)).collect();
     let trial = |symbolic: &[bool]| traced(library, step, &Rc::new(Arena::default()), given, symbolic).map(|_| ());
     if trial(&symbolic).is_err() {
@@ -78,7 +79,11 @@ fn traced<'g>(
     for (param, symbolic) in step.params.iter().zip(symbolic) {
         let value = given.iter().find(|(name, _)| *name == param.name).map_or(&param.default, |(_, value)| value);
         let value = if *symbolic {
-            let ty = if param.kind == ParamKind::Vec3 { Type::V3 } else { Type::F };
+            let ty = match param.kind {
+                ParamKind::Vec3 => Type::V3,
+                ParamKind::Point => ty,
+                _ => Type::F,
+            };
             let input = arena.input(ports.len() as u16, ty);
             ports.push(Port::new(param.name.clone(), ty));
             script_expr(arena, &ParamKind::Float, input)

@@ -4,6 +4,7 @@
 //! parameter in its range, there is no cycle, maps and distance fields stand where they belong. Whatever takes a
 //! `ValidGraph` need not fail for the user's mistakes any more (but for errors inside a step's own script).
 
+pub(crate) mod escape;
 mod fields;
 mod nodes;
 mod overrides;
@@ -15,7 +16,9 @@ pub mod script;
 mod settings;
 mod tests_of_formula;
 mod validate;
+mod widths;
 
+pub use escape::Escape;
 pub use overrides::Override;
 pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
@@ -24,7 +27,7 @@ pub use settings::{
     CALIBRATED_ROWS, Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, IterationLimit,
     Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings, Plane, Quality,
 };
-pub use tests_of_formula::{FormulaTest, Symmetry, TestKind};
+pub use tests_of_formula::{FormulaTest, Symmetry, TestKind, TestPoint};
 pub use validate::ValidGraph;
 
 use std::rc::Rc;
@@ -314,8 +317,8 @@ pub enum SphereForm {
 /// Where a field stands: scaled, rotated about `axis` by `angle` (radians), then moved.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Placement {
-    /// Moved by this, in world units.
-    pub translate: [f64; 3],
+    /// Moved by this, in world units; the fourth component moves what has four.
+    pub translate: [f64; 4],
     /// Rotation axis of length 1.
     pub axis: [f64; 3],
     /// Rotation angle in radians.

@@ -115,7 +115,7 @@ impl Reader<'_> {
                     }
                 }
             }
-            (ValueKind::Tuple { name: None, items } | ValueKind::List(items), ParamKind::Vec3) => {
+            (ValueKind::Tuple { name: None, items } | ValueKind::List(items), ParamKind::Vec3 | ParamKind::Point) => {
                 let items = items.iter().map(|item| self.evaluated(item)).collect::<Option<Vec<_>>>()?;
                 Value::new(value.span, ValueKind::List(items))
             }
@@ -218,7 +218,9 @@ impl Reader<'_> {
             }
             "Item" => {
                 let of = self.required_wire(&mut fields, "of");
+                let outer = self.four;
                 let constant = fields.optional_value("constant").and_then(|v| self.constant(v));
+                self.four = outer;
                 if constant.is_none() {
                     self.d.push(
                         Diagnostic::error("`Item` needs a `constant`").label(fields.span(), "").help(form_of("Item")),
@@ -360,7 +362,9 @@ impl Reader<'_> {
 
     fn transform(&mut self, fields: &mut Fields) -> Kind {
         let of = self.required_wire(fields, "of");
-        let translate = fields.optional_value("translate").map_or(Some([0.0; 3]), |v| self.vector(v, -1e6, 1e6));
+        let outer = self.four;
+        let translate = fields.optional_value("translate").map_or(Some([0.0; 4]), |v| self.point(v));
+        self.four = outer;
         let axis = fields.optional_value("axis").map_or(Some([0.0, 0.0, 1.0]), |v| self.direction(v));
         let angle = fields.optional_value("angle").map_or(Some(0.0), |v| self.number(v, -3600.0, 3600.0));
         let scale = fields.optional_value("scale").map_or(Some(1.0), |v| self.number(v, 1e-6, 1e6));

@@ -27,6 +27,8 @@ const FIELDS: &[&str] = &[
     "source",
     "output",
     "constant",
+    "start",
+    "escape",
     "escape_radius",
     "max_iterations",
     "slice",

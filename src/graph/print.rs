@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::escape::{Escape, Point};
 use super::{Graph, NodeKind, ParamInput};
 use crate::formula::step::ParamValue;
 
@@ -51,7 +52,7 @@ fn describe(graph: &Graph, kind: &NodeKind) -> String {
             let turns: Vec<String> = turns.iter().map(|(w, n)| format!("{} x{n}", graph.node(*w).name)).collect();
             format!("Alternate({})", turns.join(", "))
         }
-        NodeKind::Item { constant, .. } => format!("Item({} constant {constant:?})", wires[0]),
+        NodeKind::Item { constant, .. } => format!("Item({} constant {constant})", wires[0]),
         NodeKind::Orbit { settings, .. } => {
             let shape = settings.shape.map(|shape| match shape.levels {
                 Some(levels) => {
@@ -59,8 +60,13 @@ fn describe(graph: &Graph, kind: &NodeKind) -> String {
                 }
                 None => format!(", end {}", graph.node(shape.field).name),
             });
+            let start = settings.start.map(|start| format!(", start {}", Point(start))).unwrap_or_default();
+            let escape = match settings.escape {
+                Escape::Length => "escape_radius".to_string(),
+                escape => format!("escape {escape}"),
+            };
             format!(
-                "Orbit({} constant {:?}, escape_radius {}, max_iterations {}{})",
+                "Orbit({} constant {}{start}, {escape} {}, max_iterations {}{})",
                 wires[0],
                 settings.constant,
                 settings.escape_radius,
@@ -82,6 +88,7 @@ fn input(value: &ParamInput) -> String {
         ParamInput::Known(ParamValue::Bool(b)) => b.to_string(),
         ParamInput::Known(ParamValue::Word(word)) => word.clone(),
         ParamInput::Known(ParamValue::Vector(v)) => format!("({}, {}, {})", v[0], v[1], v[2]),
+        ParamInput::Known(ParamValue::Point(v)) => Point(*v).to_string(),
         ParamInput::Known(ParamValue::Matrix(rows)) => format!("{rows:?}"),
     }
 }

@@ -56,8 +56,8 @@ fn read_once(
     for change in overrides {
         apply_override(&mut patched, change, &mut params, d);
     }
-    let mut reader =
-        Reader { library, d, params: Vec::new(), nodes: Vec::new(), names: HashMap::new(), inline: Vec::new() };
+    let (params_read, nodes, inline) = (Vec::new(), Vec::new(), Vec::new());
+    let mut reader = Reader { library, d, params: params_read, nodes, names: HashMap::new(), inline, four: None };
     let graph = reader.graph(&patched, name, &params)?;
     let d = reader.d;
     if d.error_count() > errors {
@@ -77,6 +77,8 @@ pub(super) struct Reader<'a> {
     nodes: Vec<Option<Node>>,
     names: HashMap<String, usize>,
     inline: Vec<String>,
+    /// Where a value of four components was read, until what holds it takes this.
+    pub(super) four: Option<Span>,
 }
 
 impl Reader<'_> {
@@ -323,6 +325,7 @@ impl Reader<'_> {
     /// The orbit's settings among `fields`; `base` holds for those that are not given.
     pub(super) fn orbit_settings(&mut self, fields: &mut Fields, base: &OrbitSettings) -> OrbitSettings {
         let mut settings = base.clone();
+        let outer = self.four.take();
         if let Some(value) = fields.optional_value("constant") {
             settings.constant = self.constant(value).unwrap_or(settings.constant);
         }
@@ -331,11 +334,10 @@ impl Reader<'_> {
                 *list = self.wires(value).unwrap_or_default();
             }
         }
-        let escape = fields.optional_value("escape_radius");
-        let escapes = escape.is_some();
-        if let Some(value) = escape {
-            settings.escape_radius = self.number(value, 1e-3, 1e6).unwrap_or(settings.escape_radius);
+        if let Some(value) = fields.optional_value("start") {
+            settings.start = self.point(value);
         }
+        let escapes = self.escape(fields, &mut settings);
         if let Some(value) = fields.optional_value("max_iterations") {
             let limit = self.number(value, 0.0, 10_000.0);
             settings.max_iterations = limit.map_or(settings.max_iterations, |n| n as u32);
@@ -351,19 +353,21 @@ impl Reader<'_> {
         if let Some(value) = fields.optional_value("estimate") {
             settings.estimate = self.estimate(value).unwrap_or_default();
         }
+        settings.four = self.four.take().or(settings.four);
+        self.four = outer;
         settings
     }
 
-    /// `Mandelbrot`, `Julia((x, y, z))`, `Mix(julia: (x, y, z), amount: t)` or `Off`.
+    /// `Mandelbrot`, `Julia((x, y, z))`, `Mix(julia: (x, y, z), amount: t)` or `Off`; points may have four components.
     pub(super) fn constant(&mut self, value: &Value) -> Option<Constant> {
         match &value.kind {
             ValueKind::Variant(name) if name.text == "Mandelbrot" => Some(Constant::Mandelbrot),
             ValueKind::Variant(name) if name.text == "Off" => Some(Constant::Off),
             ValueKind::Tuple { name: Some(name), items } if name.text == "Julia" => match items.as_slice() {
-                [point] => self.vector(point, -1e6, 1e6).map(Constant::Julia),
-                [_, _, _] => {
+                [point] => self.point(point).map(Constant::Julia),
+                [_, _, _] | [_, _, _, _] => {
                     let point = Value::new(value.span, ValueKind::List(items.clone()));
-                    self.vector(&point, -1e6, 1e6).map(Constant::Julia)
+                    self.point(&point).map(Constant::Julia)
                 }
                 _ => {
                     self.d.push(Diagnostic::error("`Julia` needs a point").label(value.span, "write Julia((x, y, z))"));
@@ -372,7 +376,7 @@ impl Reader<'_> {
             },
             ValueKind::Struct { name: Some(name), .. } if name.text == "Mix" => {
                 let mut fields = Fields::new(value, "a mixed constant", self.d)?;
-                let julia = fields.optional_value("julia").and_then(|v| self.vector(v, -1e6, 1e6));
+                let julia = fields.optional_value("julia").and_then(|v| self.point(v));
                 let amount = fields.optional_value("amount").and_then(|v| self.number(v, 0.0, 1.0));
                 let span = fields.span();
                 fields.finish(self.d);

@@ -1,22 +1,32 @@
 //! How orbits are iterated and pictures are taken: the settings of a fractal file.
 
 use super::NodeRef;
+use super::escape::Escape;
+use crate::diag::Span;
 
-/// Which constant is added after each iteration.
+/// Which constant is added after each iteration. Fixed ones have a fourth component, which is 0 where the state has three.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Constant {
-    /// The start point.
+    /// The point.
     Mandelbrot,
     /// A fixed one.
-    Julia([f64; 3]),
-    /// `(1 - amount)` times the start point plus `amount` times a fixed one.
-    Mix([f64; 3], f64),
+    Julia([f64; 4]),
+    /// `(1 - amount)` times the point plus `amount` times a fixed one.
+    Mix([f64; 4], f64),
     /// None.
     Off,
 }
 
 impl Constant {
-    /// How much of the start point is in it: the "+1" of the running derivative.
+    /// The fixed point in it, with a fourth component that is not 0 only where the state needs four.
+    pub fn fixed(self) -> Option<[f64; 4]> {
+        match self {
+            Constant::Julia(point) | Constant::Mix(point, _) => Some(point),
+            Constant::Mandelbrot | Constant::Off => None,
+        }
+    }
+
+    /// How much of the point is in it: the "+1" of the running derivative.
     pub fn start_weight(self) -> f64 {
         match self {
             Constant::Mandelbrot => 1.0,
@@ -363,14 +373,20 @@ pub struct OrbitSettings {
     pub pre: Vec<NodeRef>,
     /// Maps applied to the state after the last one, before the distance is taken.
     pub post: Vec<NodeRef>,
-    /// An orbit has escaped when r is above this.
+    /// The state before the first iteration, apart from the constant; the point itself where absent.
+    pub start: Option<[f64; 4]>,
+    /// What ends an orbit.
+    pub escape: Escape,
+    /// The number that the escape test compares with: r is above this, where nothing else is asked for.
     pub escape_radius: f64,
     /// Iterations after which a point is inside.
     pub max_iterations: u32,
     /// Who says how many.
     pub limit: IterationLimit,
-    /// Start value of w where the state has four components.
+    /// Value of the point's w where the state has four components.
     pub slice: f64,
+    /// Where one of these settings has four components.
+    pub four: Option<Span>,
     /// The field that says what is in, in the place of escaping.
     pub shape: Option<EndShape>,
     /// What is fixed about the estimate.
@@ -383,13 +399,30 @@ impl Default for OrbitSettings {
             constant: Constant::Mandelbrot,
             pre: Vec::new(),
             post: Vec::new(),
+            start: None,
+            escape: Escape::Length,
             escape_radius: 30.0,
             max_iterations: 20,
             limit: IterationLimit::OfView,
             slice: 0.0,
+            four: None,
             shape: None,
             estimate: EstimateSettings::default(),
         }
+    }
+}
+
+impl OrbitSettings {
+    /// The radius of the linear form that fits a set which reaches `extent` from its origin: never so large that the form says 0
+    /// right where orbits escape. Of convergence it is that of a ball around the point which is known to converge.
+    pub fn linear_radius(&self, extent: f64, width: u8) -> f64 {
+        let bound = self.escape_radius * self.escape.scale(width);
+        if self.escape.is_convergence() || bound <= 0.0 { bound } else { extent.min(bound * 0.5) }
+    }
+
+    /// Lets orbits run on to their last iteration.
+    pub fn never_escape(&mut self) {
+        (self.escape, self.escape_radius) = (Escape::Length, NO_ESCAPE);
     }
 }
 

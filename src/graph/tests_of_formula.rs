@@ -15,17 +15,45 @@ pub struct FormulaTest {
     pub kind: TestKind,
 }
 
+/// A point of space, and its fourth component where a test gives one.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct TestPoint {
+    /// The point.
+    pub at: [f64; 3],
+    /// Its w, in the place of the orbit's `slice`.
+    pub w: Option<f64>,
+}
+
+impl TestPoint {
+    /// All components that are given.
+    pub fn components(&self) -> Vec<f64> {
+        self.at.into_iter().chain(self.w).collect()
+    }
+}
+
+impl TestKind {
+    /// The fourth component of the point that is tested, where it has one.
+    pub fn w(&self) -> Option<f64> {
+        match self {
+            TestKind::Inside(point) | TestKind::Outside(point) => point.w,
+            TestKind::Orbit { point, .. } | TestKind::Estimate { point, .. } => point.w,
+            TestKind::Ray { origin, .. } => origin.w,
+            TestKind::Symmetric(_) | TestKind::AgreesOnBackends | TestKind::NeverAbove { .. } => None,
+        }
+    }
+}
+
 /// What a test asks for.
 #[derive(Clone, PartialEq, Debug)]
 pub enum TestKind {
     /// The orbit of the point does not escape.
-    Inside([f64; 3]),
+    Inside(TestPoint),
     /// The orbit of the point escapes.
-    Outside([f64; 3]),
+    Outside(TestPoint),
     /// The state after this many iterations (of an orbit that is not stopped by escaping).
     Orbit {
-        /// Start point.
-        point: [f64; 3],
+        /// The point.
+        point: TestPoint,
         /// Iterations done.
         iterations: u32,
         /// Right answer.
@@ -35,8 +63,8 @@ pub enum TestKind {
     },
     /// The distance estimate at a point.
     Estimate {
-        /// Start point.
-        point: [f64; 3],
+        /// The point.
+        point: TestPoint,
         /// Method; the chosen one where absent.
         method: Option<Method>,
         /// Right answer.
@@ -47,7 +75,7 @@ pub enum TestKind {
     /// The depth at which a ray hits; `None` for a miss.
     Ray {
         /// Start of the ray.
-        origin: [f64; 3],
+        origin: TestPoint,
         /// Unit direction of the ray.
         direction: [f64; 3],
         /// Right answer.
@@ -91,8 +119,8 @@ pub(super) fn read_test(reader: &mut Reader, value: &Value) -> Option<FormulaTes
         return None;
     };
     let kind = match name.text.as_str() {
-        "Inside" => TestKind::Inside(only_vector(reader, value)?),
-        "Outside" => TestKind::Outside(only_vector(reader, value)?),
+        "Inside" => TestKind::Inside(only_point(reader, value)?),
+        "Outside" => TestKind::Outside(only_point(reader, value)?),
         "AgreesOnBackends" => TestKind::AgreesOnBackends,
         "Symmetric" => TestKind::Symmetric(read_symmetry(reader, value)?),
         "Orbit" | "Estimate" | "Ray" | "NeverAbove" => read_fields(reader, &name.text, value)?,
@@ -112,7 +140,7 @@ fn read_fields(reader: &mut Reader, name: &str, value: &Value) -> Option<TestKin
     let mut fields = Fields::new(value, "a test", reader.d)?;
     let tolerance = fields.optional_value("tolerance").map_or(Some(1e-6), |v| reader.number(v, 0.0, 1e6))?;
     let point = |reader: &mut Reader, fields: &mut Fields, field: &'static str| match fields.optional_value(field) {
-        Some(v) => reader.vector(v, -1e9, 1e9),
+        Some(v) => read_point(reader, v),
         None => {
             reader.d.push(Diagnostic::error(format!("the test needs `{field}: (x, y, z)`")).label(fields.span(), ""));
             None
@@ -158,11 +186,23 @@ fn read_fields(reader: &mut Reader, name: &str, value: &Value) -> Option<TestKin
     Some(kind)
 }
 
-fn only_vector(reader: &mut Reader, value: &Value) -> Option<[f64; 3]> {
+/// A point of three or four components.
+fn read_point(reader: &mut Reader, value: &Value) -> Option<TestPoint> {
     match &value.kind {
-        ValueKind::Tuple { items, .. } if items.len() == 1 => reader.vector(&items[0], -1e9, 1e9),
-        ValueKind::Tuple { items, .. } if items.len() == 3 => {
-            reader.vector(&Value::new(value.span, ValueKind::List(items.clone())), -1e9, 1e9)
+        ValueKind::List(items) | ValueKind::Tuple { name: None, items } if items.len() == 4 => {
+            let w = reader.number(&items[3], -1e9, 1e9);
+            let at = reader.vector(&Value::new(value.span, ValueKind::List(items[..3].to_vec())), -1e9, 1e9);
+            Some(TestPoint { at: at?, w: Some(w?) })
+        }
+        _ => reader.vector(value, -1e9, 1e9).map(|at| TestPoint { at, w: None }),
+    }
+}
+
+fn only_point(reader: &mut Reader, value: &Value) -> Option<TestPoint> {
+    match &value.kind {
+        ValueKind::Tuple { items, .. } if items.len() == 1 => read_point(reader, &items[0]),
+        ValueKind::Tuple { items, .. } if matches!(items.len(), 3 | 4) => {
+            read_point(reader, &Value::new(value.span, ValueKind::List(items.clone())))
         }
         _ => {
             reader.d.push(Diagnostic::error("the test needs a point").label(value.span, "such as Inside((0, 0, 0))"));

@@ -34,7 +34,9 @@ pub(super) fn validate(mut graph: Graph, d: &mut Diagnostics) -> Option<ValidGra
     }
     for node in &graph.nodes {
         check_kinds(&graph, node, d);
+        super::widths::check_node(&graph, node, d);
     }
+    super::widths::check_tests(&graph, d);
     check_shapes(&graph, graph.output, (3, false), d);
     if d.error_count() > errors {
         return None;
@@ -185,6 +187,10 @@ fn check_unrolled(graph: &Graph, node: &Node, of: NodeRef, settings: &OrbitSetti
         let found = format!("it has {}", settings.max_iterations);
         d.push(Diagnostic::error(message).label(node.span, found).help("give it `max_iterations: 6`, say"));
     }
+    if settings.escape.is_convergence() {
+        let message = "an orbit inside an end shape cannot end by convergence";
+        d.push(Diagnostic::error(message).label(node.span, "").help("take another escape test"));
+    }
     let has_power = graph.any_step(of, |step| step.growth == Some(Growth::Power));
     let logarithmic = settings.estimate.form.map_or(has_power, |form| form == DeForm::Logarithmic);
     if settings.shape.is_some_and(|shape| shape.levels.is_some()) {
@@ -286,22 +292,16 @@ impl ValidGraph {
 }
 
 impl Graph {
-    /// Components of the state of an orbit: 4 if any of its steps asks for four or a first map makes four of three.
-    pub fn state_width(&self, root: NodeRef, settings: &OrbitSettings) -> u8 {
-        let roots = [root].into_iter().chain(settings.pre.iter().copied());
-        if roots.into_iter().any(|root| self.asks_for_four(root)) { 4 } else { 3 }
-    }
-
     /// True where a map makes a state of four components of three.
     pub fn embeds(&self, root: NodeRef) -> bool {
         self.any_step(root, |step| step.state == StateWidth::Embeds)
     }
 
-    fn asks_for_four(&self, root: NodeRef) -> bool {
+    pub(super) fn asks_for_four(&self, root: NodeRef) -> bool {
         self.any_step(root, |step| matches!(step.state, StateWidth::Four | StateWidth::Embeds))
     }
 
-    fn any_step(&self, root: NodeRef, holds: impl Fn(&Step) -> bool) -> bool {
+    pub(super) fn any_step(&self, root: NodeRef, holds: impl Fn(&Step) -> bool) -> bool {
         let mut stack = vec![root];
         let mut seen = vec![false; self.nodes.len()];
         while let Some(of) = stack.pop() {

@@ -98,7 +98,7 @@ pub(super) fn check_radius(subject: &Subject, health: &mut Health) -> Result<(),
     let choice = &subject.plan.choices[0];
     let is_plain = orbit.frame == Frame::default() && orbit.settings.post.is_empty() && orbit.settings.pre.is_empty();
     let is_alone = matches!(subject.graph.node(subject.graph.output).kind, NodeKind::Orbit { .. });
-    if choice.form != DeForm::Linear || !is_plain || !is_alone {
+    if choice.form != DeForm::Linear || !choice.by_length || !is_plain || !is_alone {
         return Ok(());
     }
     let Some((deeper, members)) = find_members(subject)? else { return Ok(()) };

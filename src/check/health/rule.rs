@@ -61,6 +61,7 @@ fn value_text(value: &crate::formula::step::ParamValue) -> String {
         ParamValue::Number(x) => number(*x),
         ParamValue::Bool(b) => b.to_string(),
         ParamValue::Vector(v) => shown(v),
+        ParamValue::Point(v) => shown(v),
         ParamValue::Matrix(rows) => format!("[{}]", rows.map(|row| shown(&row)).join(", ")),
         ParamValue::Word(word) => word.clone(),
     }

@@ -17,15 +17,19 @@ mod rounding;
 mod rules;
 mod thresholds;
 
+use super::escape::{self, stays};
 use super::field::shape_at;
 use super::levels::Joined;
+use super::maps::fixed_constant;
 use super::orbit::OrbitBuilder;
 use super::placement::{Frame, Place};
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::enclose::UNBOUNDED;
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::formula::step::Traced;
-use crate::graph::{Constant, EndShape, IterationMap, Method, NO_ESCAPE, NodeRef, OrbitSettings, resolve_schedule};
+use crate::graph::{
+    Constant, EndShape, Escape, IterationMap, Method, NO_ESCAPE, NodeRef, OrbitSettings, resolve_schedule,
+};
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
 use centre::Centre;
 use moved::{Context, Moved};
@@ -106,13 +110,18 @@ impl<'a> Builder<'a> {
         // Constants are as long as the start point, which thresholds hold for up to here.
         let largest_start = self.choice.extent * (1.0 + LARGEST_START);
         let (escape, width) = (self.settings.escape_radius, self.width);
-        let all = thresholds::thresholds(composer, &maps, &schedule, limit, escape, largest_start, width)?;
+        let all = match self.settings.escape {
+            Escape::Length => thresholds::thresholds(composer, &maps, &schedule, limit, escape, largest_start, width)?,
+            // Other tests end an orbit where they hold, and nothing is known of the iterations before.
+            other => vec![escape * other.scale(width)],
+        };
 
         let (start, e0) = self.start()?;
+        let first = self.first(start);
         let init = Function::new(format!("{name}_init"), Estimator::inputs());
         let mut inputs = Inputs { init, ports: Vec::new(), arena };
-        let moved = start.map(|name, e| inputs.give(name, e));
-        let joined = self.join(None, start, e0, arena.f(0.0))?;
+        let moved = first.map(|name, e| inputs.give(name, e));
+        let joined = self.join(None, first, e0, arena.f(0.0))?;
         let joined = joined.map(|joined| Joined { d: inputs.give("level", joined.d), gradient: None });
         let mut centre = Centre::start(orbit)?;
         centre.iter_mut().for_each(|centre| centre.carry(moved.z, &mut inputs));
@@ -134,7 +143,10 @@ impl<'a> Builder<'a> {
         for (i, item) in maps.iter().enumerate() {
             let mut function = Function::new(format!("{name}_iterate_{i}"), ports.clone());
             let next = self.iterate(item, moved, &fixed, n)?;
-            let limit = thresholds::threshold_of(&all, &schedule, i, n);
+            let limit = match self.settings.escape {
+                Escape::Length => thresholds::threshold_of(&all, &schedule, i, n),
+                _ => arena.f(all[0]),
+            };
             let proven = self.prove(s, &next, fixed.floor.map_or(limit, |floor| limit.max(floor)));
             next.map(|name, e| {
                 function.output(name, e);
@@ -144,7 +156,10 @@ impl<'a> Builder<'a> {
                 function.output("level", joined.d);
             }
             // NaN compares false, so it counts as escaped.
-            let mut ended = !next.z.dot(next.z).le(self.escape_sq(n));
+            let mut ended = match self.settings.escape {
+                Escape::Length => !next.z.dot(next.z).le(self.escape_sq(n)),
+                _ => !stays(self.settings, next.z, None),
+            };
             if let Some(centre) = &centre {
                 let next = centre.iterate(item, n)?;
                 Centre::derivative(&next).into_iter().for_each(|(name, e)| function.output(name, e));
@@ -214,6 +229,15 @@ impl<'a> Builder<'a> {
         Ok((moved, e0))
     }
 
+    /// The first state: the start point, or one that is the same for all.
+    fn first(&self, start: Moved<'a>) -> Moved<'a> {
+        let Some(at) = self.settings.start else { return start };
+        let (arena, zero) = (self.composer.arena, start.l.lift(0.0));
+        let z = arena.constant(start.z.ty(), at);
+        let eta = arena.f(at.iter().map(|x| x * x).sum::<f64>().sqrt() * (4.0 * self.choice.unit));
+        Moved { z, l: zero, eta, segment: start.segment.map(|(v, _)| (v.lift(0.0), zero)) }
+    }
+
     /// One iteration: the map, then the constant, which is the start point's share and a fixed one.
     fn iterate(
         &self,
@@ -224,13 +248,7 @@ impl<'a> Builder<'a> {
     ) -> ComposeResult<Moved<'a>> {
         let arena = self.composer.arena;
         let start = &frozen.start;
-        let fixed = |v: [f64; 3]| arena.constant(start.z.ty(), [v[0], v[1], v[2], 0.0]);
-        let c = match item.constant {
-            Constant::Mandelbrot => start.z,
-            Constant::Julia(v) => fixed(v),
-            Constant::Mix(v, amount) => start.z * (1.0 - amount) + fixed(v) * amount,
-            Constant::Off => start.z.lift(0.0),
-        };
+        let c = fixed_constant(arena, item.constant, start.z);
         let weight = item.constant.start_weight();
         let c_l = start.l * weight.abs();
         let context = Context { composer: self.composer, e0: frozen.e0, c, c_l, n, unit: self.choice.unit };
@@ -267,7 +285,7 @@ impl<'a> Builder<'a> {
     /// 0 where the start point is short enough for the thresholds, which hold for constants of its length; else the escape
     /// radius.
     fn floor(&self, maps: &[IterationMap], start: Moved<'a>, e0: Expr<'a>) -> Option<Expr<'a>> {
-        if maps.iter().all(|m| m.constant.start_weight() == 0.0) {
+        if maps.iter().all(|m| m.constant.start_weight() == 0.0) || self.settings.escape != Escape::Length {
             return None;
         }
         let arena = self.composer.arena;
@@ -334,6 +352,9 @@ impl<'a> Builder<'a> {
     /// The largest start radius proven so far: everything within it is above the threshold now.
     fn prove(&self, s: Expr<'a>, moved: &Moved<'a>, threshold: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
+        if self.settings.escape != Escape::Length {
+            return self.prove_by_size(s, moved, threshold);
+        }
         let r = moved.z.length();
         // Lengths of a segment, on both sides of its middle, change only by its direction's share towards the origin. All
         // is multiplied by r, so that one division is enough.
@@ -345,6 +366,28 @@ impl<'a> Builder<'a> {
         let room = if moved.segment.is_some() { room * r } else { room };
         let proven = room / factor.max(arena.f(1e-30));
         let known = moved.l.lt(arena.f(UNBOUNDED)).and(r.lt(arena.f(UNBOUNDED)));
+        known.and(s.lt(proven)).select(proven, s)
+    }
+
+    /// The same by what other tests compare: a size that changes no faster than z does, or how near z is to a point.
+    fn prove_by_size(&self, s: Expr<'a>, moved: &Moved<'a>, threshold: Expr<'a>) -> Expr<'a> {
+        let arena = self.composer.arena;
+        let z = moved.z;
+        let (room, factor) = match self.settings.escape {
+            Escape::Near(point) => {
+                let point = arena.constant(z.ty(), point);
+                let rounded = (z.length() + point.length()) * (4.0 * self.choice.unit);
+                (threshold - (z - point).length() - rounded, moved.l)
+            }
+            Escape::Above(normal) | Escape::Beyond(normal) => {
+                let normal = arena.constant(z.ty(), normal);
+                let factor = moved.segment.map_or(moved.l, |(v, rho)| moved.l.min(rho + v.dot(normal).abs()));
+                (escape::size(self.settings.escape, z).map_or(-threshold, |size| size - threshold), factor)
+            }
+            other => (escape::size(other, z).map_or(-threshold, |size| size - threshold), moved.l),
+        };
+        let proven = (room - moved.eta) / factor.max(arena.f(1e-30));
+        let known = moved.l.lt(arena.f(UNBOUNDED)).and(z.length().lt(arena.f(UNBOUNDED)));
         known.and(s.lt(proven)).select(proven, s)
     }
 }

@@ -73,7 +73,7 @@ pub(in crate::compose) fn lost_from(composer: &Composer, orbit: &FieldOrbit, far
 
 /// Largest length of an iteration's constant.
 fn constant_length(constant: Constant, start: f64) -> f64 {
-    let length = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let length = |v: [f64; 4]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     match constant {
         Constant::Mandelbrot => start,
         Constant::Julia(v) => length(v),

@@ -195,6 +195,17 @@ pub fn decode_param(param: &StepParam, value: &Value, d: &mut Diagnostics) -> Op
             let v = <[f64; 3]>::from_value(value, d)?;
             v.iter().all(|&x| in_range(x, d)).then_some(ParamValue::Vector(v))
         }
+        ParamKind::Point => match &value.kind {
+            ValueKind::List(items) | ValueKind::Tuple { name: None, items } if items.len() == 4 => {
+                let parts = items.iter().map(|item| f64::from_value(item, d)).collect::<Option<Vec<_>>>()?;
+                let v = [parts[0], parts[1], parts[2], parts[3]];
+                v.iter().all(|&x| in_range(x, d)).then_some(ParamValue::Point(v))
+            }
+            _ => {
+                let v = <[f64; 3]>::from_value(value, d)?;
+                v.iter().all(|&x| in_range(x, d)).then_some(ParamValue::Vector(v))
+            }
+        },
         ParamKind::Mat3 => {
             let rows = Vec::<[f64; 3]>::from_value(value, d)?;
             let Ok(matrix) = <[[f64; 3]; 3]>::try_from(rows) else {
@@ -242,13 +253,14 @@ impl FromValue for StepParam {
             "bool" => ParamKind::Bool,
             "angle" => ParamKind::Angle,
             "vec3" => ParamKind::Vec3,
+            "point" => ParamKind::Point,
             "mat3" => ParamKind::Mat3,
             "choice" => ParamKind::Choice(choices),
             other => {
                 d.push(
                     Diagnostic::error(format!("unknown parameter type \"{other}\""))
                         .label(value.span, "")
-                        .help("types are: float, int, bool, angle, vec3, mat3, choice"),
+                        .help("types are: float, int, bool, angle, vec3, point, mat3, choice"),
                 );
                 return None;
             }
