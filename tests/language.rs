@@ -4,7 +4,7 @@
 use bulbfold::check::{Formula, Options, run_graph};
 use bulbfold::diag::Diagnostics;
 use bulbfold::formula::library::Library;
-use bulbfold::graph::Method;
+use bulbfold::graph::{Escape, Method};
 use bulbfold::load::load_text;
 
 fn formula(text: &str) -> Formula {
@@ -62,7 +62,7 @@ fn an_item_a_preset_and_an_override_may_set_four_components() {
         output: "one", slice: 0.5, max_iterations: 9)"#;
     let expected = quaternion_orbit([P[0], P[1], P[2], 0.5], C, 2);
     near(&formula(item).orbit(P, 2), &expected);
-    let preset = quaternion(r#"slice: 0.5, presets: { "a": (constant: Julia((-0.2, 0.4, -0.4, -0.3))) }"#);
+    let preset = quaternion(r#"slice: 0.5, presets: { "a": (set: { "constant": Julia((-0.2, 0.4, -0.4, -0.3)) }) }"#);
     let (mut library, mut d) = (Library::builtin(), Diagnostics::default());
     let set = |path: &str, value: &str| vec![(path.to_string(), value.to_string())];
     for changes in [set("preset", "a"), set("constant", "Julia((-0.2, 0.4, -0.4, -0.3))")] {
@@ -209,7 +209,7 @@ const TESTS: [(&str, &str, f64, Away); 6] = [
 ];
 
 const POINTS: [[f64; 3]; 5] =
-    [[0.5, -0.3, 0.2], [0.13, -0.07, 0.11], [0.12, 0.05, -0.04], [1.9, -1.1, 0.7], [0.2, -0.2, 0.2]];
+    [[0.5, -0.3, 0.2], [0.13, -0.07, 0.11], [0.12, 0.05, -0.04], [1.9, -1.1, 0.7], [0.2, -0.19, 0.21]];
 
 /// Where an orbit escapes, the test's size is above its bound by as much as the point is beyond the set, times the stretch.
 #[test]
@@ -311,4 +311,22 @@ fn escape_tests_that_cannot_be_are_refused() {
         }
     }
     assert!(message(&quaternion("escape: Largest(4.0)")).contains("these are two"));
+}
+
+/// An override of one spelling leaves out the other.
+#[test]
+fn an_override_sets_the_escape_test_alone() {
+    let (mut library, mut d) = (Library::builtin(), Diagnostics::default());
+    for (path, value, expected) in
+        [("escape", "Largest(4.0)", (Escape::Largest, 4.0)), ("escape_radius", "5.0", (Escape::Length, 5.0))]
+    {
+        let text = if path == "escape" {
+            quaternion("")
+        } else {
+            quaternion("").replace("escape_radius: 10.0", "escape: Sum(9.0)")
+        };
+        let loaded = load_text(&mut library, "set.ron", &text, &[(path.to_string(), value.to_string())], &mut d);
+        let orbit = loaded.unwrap_or_else(|| panic!("{}", d.render(&library.sources, false))).graph.orbit.clone();
+        assert_eq!((orbit.escape, orbit.escape_radius), expected);
+    }
 }

@@ -63,7 +63,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     target.iter().try_for_each(|target| session.spare_inputs(target))?;
     let text = match arguments.emit {
-        Stage::Graph => graph_print::listing(&graph),
+        Stage::Graph => graph_print::listing_with_look(&graph),
         Stage::Dot => graph_print::dot(&graph),
         _ => kernels(arguments, session, &graph)?,
     };

@@ -258,7 +258,7 @@ fn fractal_page(session: &Session, graph: &ValidGraph, latex: bool) -> Result<Ve
         blocks.extend([Block::Heading(2, "Presets".into()), presets_table(graph)]);
     }
     blocks.push(Block::Heading(2, "Graph".into()));
-    blocks.push(Block::Code("text", graph_print::listing(graph)));
+    blocks.push(Block::Code("text", graph_print::listing_with_look(graph)));
     blocks.extend(Notation { session, latex }.fractal(&composer)?);
     blocks.push(Block::Heading(2, "Distance estimate".into()));
     let rows = plan.choices.iter().map(|c| {

@@ -4,8 +4,9 @@ use super::field::shape_at;
 use super::maps::Moved;
 use super::norm::{frobenius_norm, largest_singular_value, long_length, scaled_length};
 use super::orbit::{Constants, OrbitBuilder, State};
+use super::paint::untouched;
 use super::{ComposeResult, Purpose};
-use crate::expr::{Differentiator, Expr, Function, Type};
+use crate::expr::{Differentiator, Expr, Function};
 use crate::graph::{DeForm, Difference, Escape, Method, NO_ESCAPE};
 
 /// The state after the last iteration and the post-transforms.
@@ -38,7 +39,7 @@ impl<'a> OrbitBuilder<'a> {
     ) -> ComposeResult<()> {
         let arena = self.composer.arena;
         let end = self.end(state, n)?;
-        let far = || state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4]));
+        let far = || state.trap.unwrap_or_else(|| untouched(arena));
         match (self.purpose, &state.joined) {
             (Purpose::Surface, Some(joined)) => {
                 function.output("gradient", joined.gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0])));
@@ -92,7 +93,7 @@ impl<'a> OrbitBuilder<'a> {
                 let slope = gradient.map_or(arena.f(0.0), scaled_length);
                 let direction = gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
                 function.output("gradient", direction / slope.max(arena.f(1e-30)));
-                function.output("trap", state.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
+                function.output("trap", state.trap.unwrap_or_else(|| untouched(arena)));
                 function.output("de", self.distance(end.size, slope, n));
             }
             Purpose::Truth if self.follows_footprint() => {
@@ -270,6 +271,8 @@ impl<'a> OrbitBuilder<'a> {
     /// e^-G sinh G / G = (1 - e^-2G) / 2G, from 1 near the set to 0 far away; G = ln r / power^n.
     fn sinh_factor(&self, r: Expr<'a>, n: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
+        // From a fixed start the first iteration gives the constant, which is where the potential begins.
+        let n = if self.settings.start.is_some() { n - 1.0 } else { n };
         let potential = (r.ln() * (n * -self.choice.power.ln()).exp()).max(arena.f(0.0));
         let twice = potential * 2.0;
         let whole = (arena.f(1.0) - (-twice).exp()) / twice.max(arena.f(1e-3));

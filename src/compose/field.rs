@@ -4,6 +4,7 @@ use super::choose::UNIT_F32;
 use super::footprint::{follows_footprint, is_marked};
 use super::maps::{Moved, param_map};
 use super::orbit::compose_orbit;
+use super::paint::{paint, untouched, usable_trap};
 use super::placement::{Frame, Place, copies, farther_copies};
 use super::unrolled::unrolled;
 use super::value::FieldValue;
@@ -11,7 +12,9 @@ use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::enclose::Encloser;
 use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
 use crate::formula::step::Step;
-use crate::graph::{DeForm, Method, NodeKind, NodeRef, OrbitSettings, ParamInput, Primitive, SphereForm, Tiling};
+use crate::graph::{
+    DeForm, Method, NodeKind, NodeRef, OrbitSettings, Palette, ParamInput, Part, Primitive, SphereForm, Tiling,
+};
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
 
 /// An orbit of the field, and where it stands.
@@ -132,7 +135,8 @@ pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpo
     let mut combine = Function::new("combine", inputs);
     let EstimatorInputs { p, .. } = EstimatorInputs::new(composer.arena);
     let (at, n) = (p, composer.arena.f(0.0));
-    let field = FieldBuilder { composer, specs: &specs, choices, leaves: Some(&leaves), purpose, at, n };
+    let palette = &composer.graph.look.palette;
+    let field = FieldBuilder { composer, specs: &specs, choices, leaves: Some(&leaves), purpose, at, n, palette };
     field.outputs(&mut combine)?;
     drop_unread(composer.arena, &mut orbits, &combine);
     Ok(Estimator { orbits, combine })
@@ -161,6 +165,7 @@ struct Leaf<'g> {
     n: Expr<'g>,
 }
 
+#[derive(Clone, Copy)]
 struct FieldBuilder<'a, 'g> {
     composer: &'a Composer<'g>,
     specs: &'a [FieldOrbit],
@@ -172,6 +177,8 @@ struct FieldBuilder<'a, 'g> {
     at: Expr<'g>,
     /// Number of the iteration, which parameters of shapes may depend on.
     n: Expr<'g>,
+    /// Colours of the part that is looked up.
+    palette: &'a Palette,
 }
 
 /// The signed distance of a field from a point of its frame, three or four components: what end shapes say. Orbits in it
@@ -183,7 +190,8 @@ pub(super) fn shape_at<'g>(
     n: Expr<'g>,
 ) -> ComposeResult<Expr<'g>> {
     let purpose = Purpose::Estimate;
-    let builder = FieldBuilder { composer, specs: &[], choices: &[], leaves: None, purpose, at: z, n };
+    let palette = &composer.graph.look.palette;
+    let builder = FieldBuilder { composer, specs: &[], choices: &[], leaves: None, purpose, at: z, n, palette };
     Ok(builder.value(field, &Frame::default())?.d)
 }
 
@@ -198,7 +206,10 @@ impl<'g> FieldBuilder<'_, 'g> {
             }
             Purpose::Surface => {
                 combine.output("gradient", value.gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0])));
-                combine.output("trap", value.trap.unwrap_or_else(|| arena.constant(Type::V4, [1e6; 4])));
+                combine.output("trap", value.trap.unwrap_or_else(|| untouched(arena)));
+                if let Some(albedo) = value.albedo {
+                    combine.output("albedo", albedo);
+                }
             }
             Purpose::Probe => {
                 combine.output("de", value.d);
@@ -218,6 +229,26 @@ impl<'g> FieldBuilder<'_, 'g> {
     }
 
     fn value(&self, node: NodeRef, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
+        let graph = self.composer.graph;
+        let is_it = |part: &&Part| match graph.node(node).kind {
+            NodeKind::Orbit { of, .. } => part.node == of || part.node == node,
+            _ => part.node == node,
+        };
+        match graph.look.parts.iter().find(is_it) {
+            Some(part) => FieldBuilder { palette: &part.palette, ..*self }.value_of(node, frame),
+            None => self.value_of(node, frame),
+        }
+    }
+
+    /// The colour of the part that is looked up, where parts have colours of their own.
+    fn albedo(&self, trap: Option<Expr<'g>>) -> Option<Expr<'g>> {
+        let graph = self.composer.graph;
+        let trap = trap.filter(|_| !graph.look.parts.is_empty())?;
+        let across = graph.plane.map(|plane| cross(plane.right, plane.up));
+        Some(paint(&graph.look, self.palette, usable_trap(trap), across))
+    }
+
+    fn value_of(&self, node: NodeRef, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
         Ok(match &self.composer.graph.node(node).kind {
             NodeKind::Orbit { of, settings } => match self.leaves {
                 Some(leaves) => self.orbit(node, frame, leaves)?,
@@ -323,7 +354,8 @@ impl<'g> FieldBuilder<'_, 'g> {
             }
             false => d,
         };
-        Ok(FieldValue { d, inside, gradient: shown(0), trap: shown(1), decider })
+        let trap = shown(1);
+        Ok(FieldValue { d, inside, gradient: shown(0), trap, albedo: self.albedo(trap), decider })
     }
 
     fn primitive(&self, node: NodeRef, primitive: &Primitive, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
@@ -386,9 +418,13 @@ impl<'g> FieldBuilder<'_, 'g> {
             let k = field_primitives(self.composer).iter().position(|p| *p == node).unwrap_or(0);
             arena.f((2 * self.specs.len() + k) as f64)
         });
-        let trap = surface.then(|| arena.constant(Type::V4, [1e6; 4]));
-        FieldValue { d, inside, gradient, trap, decider }
+        let trap = surface.then(|| untouched(arena));
+        FieldValue { d, inside, gradient, trap, albedo: self.albedo(trap), decider }
     }
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    glam::DVec3::from(a).cross(glam::DVec3::from(b)).into()
 }
 
 /// The exact signed distance of a primitive.

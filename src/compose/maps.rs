@@ -49,11 +49,15 @@ pub(super) type Moved<'g> = Traced<'g>;
 
 /// What went into each step that remembers the last time that it ran.
 #[derive(Clone)]
-pub(super) struct Memory<'g>(Vec<(NodeRef, Moved<'g>)>);
+pub(super) struct Memory<'g> {
+    steps: Vec<(NodeRef, Moved<'g>)>,
+    /// Coordinates whose folds are followed: 0 where the last one that moved it found it on the positive side, 1 on the negative.
+    pub(super) sides: Vec<(u8, Expr<'g>)>,
+}
 
 impl<'g> Memory<'g> {
     pub(super) fn of(values: impl Iterator<Item = (NodeRef, Moved<'g>)>) -> Memory<'g> {
-        Memory(values.collect())
+        Memory { steps: values.collect(), sides: Vec::new() }
     }
 
     /// Zeros for the steps of a map, of the types that `like` has.
@@ -64,18 +68,30 @@ impl<'g> Memory<'g> {
 
     /// In the order in which they were given.
     pub(super) fn values(&self) -> impl Iterator<Item = Moved<'g>> {
-        self.0.iter().map(|(_, value)| *value)
+        self.steps.iter().map(|(_, value)| *value)
     }
 
     /// Remembers what goes into a node, and gives what went in before; `None` where the node does not remember.
     fn swap(&mut self, node: NodeRef, now: Moved<'g>) -> Option<Moved<'g>> {
-        let (_, value) = self.0.iter_mut().find(|(known, _)| *known == node)?;
+        let (_, value) = self.steps.iter_mut().find(|(known, _)| *known == node)?;
         Some(std::mem::replace(value, now))
+    }
+
+    /// Notes on which side of a fold coordinates were that it moved.
+    fn note_fold(&mut self, from: Expr<'g>, to: Expr<'g>) {
+        for (axis, side) in &mut self.sides {
+            let (from, to) = (from.component(*axis), to.component(*axis));
+            let found = |x: f64| side.lift(x);
+            *side = to.lt(from).select(found(0.0), from.lt(to).select(found(1.0), *side));
+        }
     }
 
     /// Where `holds` is false, what the other branch left.
     fn choose(&mut self, holds: Expr<'g>, other: &Memory<'g>) {
-        for ((_, value), otherwise) in self.0.iter_mut().zip(other.values()) {
+        for ((_, side), (_, otherwise)) in self.sides.iter_mut().zip(&other.sides) {
+            *side = holds.select(*side, *otherwise);
+        }
+        for ((_, value), otherwise) in self.steps.iter_mut().zip(other.values()) {
             if value.z.id != otherwise.z.id || value.dr.map(|dr| dr.id) != otherwise.dr.map(|dr| dr.id) {
                 *value = chosen(holds, *value, otherwise);
             }
@@ -182,6 +198,9 @@ fn apply_step<'a>(
     let mut moved = step
         .trace(&library.engine, &library.sources, composer.arena, inputs, &map)
         .map_err(|error| error.label(place.span, format!("used by the node `{}`", place.name)))?;
+    if step.group == "fold" {
+        memory.note_fold(input.z, moved.z);
+    }
     if narrow {
         // w is left as it was, so the derivative cannot shrink below what it had.
         moved.dr = moved.dr.zip(before).map(|(after, before)| after.max(before));

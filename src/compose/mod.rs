@@ -17,6 +17,7 @@ mod maps;
 mod measure;
 pub mod norm;
 mod orbit;
+pub(crate) mod paint;
 mod parts;
 pub mod placement;
 mod reach;
@@ -52,8 +53,8 @@ pub enum Purpose {
     /// `de, inside`, of which only `inside` is to be asked: as a march sees it, but told without any derivative, by the orbit
     /// of a point beside.
     Truth,
-    /// `gradient: vec3, trap: vec4`: the field's direction of growth, and the least distances of the orbit to the origin
-    /// and the planes x, y and z.
+    /// `gradient: vec3, trap: vec4`: the field's direction of growth, and the traps of the orbit; `albedo: vec3` behind them where
+    /// parts have colours of their own.
     Surface,
     /// `de, inside, n, r, z: vec4`; `r` and `z` of the first orbit.
     Probe,

@@ -3,6 +3,7 @@
 use super::footprint::{SHARE_OF_TRUTH, can_follow_footprint, trusts_rules};
 use super::levels::Joined;
 use super::maps::{Memory, Moved, apply, apply_all, fixed_constant, remembering};
+use super::paint::untouched;
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
@@ -333,7 +334,7 @@ impl<'a> OrbitBuilder<'a> {
         let along = self.carried.along.then(|| Differentiator::new(arena, &[(p, d)]).derivative(first.z));
         let shifted = offsets.iter().map(|offset| begin(p + *offset * h).map(|m| m.z));
         let shifted = shifted.collect::<ComposeResult<Vec<_>>>()?;
-        let far = arena.constant(Type::V4, [1e6; 4]);
+        let far = untouched(arena);
         let mut state = State {
             z: first.z,
             dr: first.dr,
@@ -417,6 +418,10 @@ impl<'a> OrbitBuilder<'a> {
         let c = self.constant(item.constant, constants.c);
         let input = Moved { z: state.z, dr: state.dr };
         let mut memory = state.memory(None);
+        if let Some(trap) = state.trap {
+            let folds = self.composer.graph.look.folds();
+            memory.sides = folds.map(|(i, axis)| (axis, trap.component(i as u8))).collect();
+        }
         let moved = apply(self.composer, &item.map, input, c, n, &mut memory)?;
         let z = moved.z + c;
         let dr = moved.dr.map(|dr| dr + constants.dc * weight);
@@ -447,10 +452,7 @@ impl<'a> OrbitBuilder<'a> {
             before.iter_mut().zip(memory.values()).for_each(|(before, now)| before.shifted[i] = now.z);
             shifted.push(moved.z + c);
         }
-        let trap = state.trap.map(|trap| {
-            let sizes = z.xyz().abs().components();
-            trap.min(arena.compose(&[z.xyz().dot(z.xyz()), sizes[0], sizes[1], sizes[2]]))
-        });
+        let trap = state.trap.map(|trap| self.trapped(trap, z, n, &memory.sides));
         if let Some(compared) = before.iter_mut().find(|before| before.node.is_none()) {
             *compared = Before::of(state);
         }

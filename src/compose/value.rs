@@ -13,6 +13,8 @@ pub(super) struct FieldValue<'g> {
     pub(super) gradient: Option<Expr<'g>>,
     /// For surfaces: traps.
     pub(super) trap: Option<Expr<'g>>,
+    /// For surfaces whose parts have colours of their own: the colour.
+    pub(super) albedo: Option<Expr<'g>>,
     /// For decisions: number of the decider.
     pub(super) decider: Option<Expr<'g>>,
 }
@@ -20,7 +22,7 @@ pub(super) struct FieldValue<'g> {
 impl<'g> FieldValue<'g> {
     /// A distance and membership alone.
     pub(super) fn plain(d: Expr<'g>, inside: Expr<'g>) -> FieldValue<'g> {
-        FieldValue { d, inside, gradient: None, trap: None, decider: None }
+        FieldValue { d, inside, gradient: None, trap: None, albedo: None, decider: None }
     }
 
     /// The first field where the condition holds, with another distance and membership.
@@ -31,6 +33,7 @@ impl<'g> FieldValue<'g> {
             inside,
             gradient: pick(self.gradient, other.gradient),
             trap: pick(self.trap, other.trap),
+            albedo: pick(self.albedo, other.albedo),
             decider: pick(self.decider, other.decider),
         }
     }
@@ -60,7 +63,8 @@ impl<'g> FieldValue<'g> {
         let share = overlap * 0.5;
         let near = self.d.le(other.d);
         let blend = |a: Expr<'g>, b: Expr<'g>| near.select(a.mix(b, share), b.mix(a, share));
-        let gradient = self.gradient.zip(other.gradient).map(|(a, b)| blend(a, b));
-        FieldValue { gradient, ..self.pick(other, near, d, inside) }
+        let blended = |a: Option<Expr<'g>>, b: Option<Expr<'g>>| a.zip(b).map(|(a, b)| blend(a, b));
+        let (gradient, albedo) = (blended(self.gradient, other.gradient), blended(self.albedo, other.albedo));
+        FieldValue { gradient, albedo, ..self.pick(other, near, d, inside) }
     }
 }

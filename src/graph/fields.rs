@@ -1,7 +1,8 @@
-//! Reading the plane of a picture, light and colour.
+//! Reading the plane of a picture, and colours.
 
+use super::look::Palette;
 use super::read::{Reader, cross, dot};
-use super::settings::{Look, Plane};
+use super::settings::Plane;
 use crate::diag::Diagnostic;
 use crate::formula::decode::Fields;
 use crate::formula::value::{Value, ValueKind};
@@ -42,37 +43,30 @@ fn read_center(reader: &mut Reader, value: &Value) -> Option<[f64; 3]> {
     }
 }
 
-/// Reads `look: (...)`; what is not given keeps its default.
-pub(super) fn read_look(reader: &mut Reader, value: &Value) -> Option<Look> {
-    let mut look = Look::default();
-    let mut fields = Fields::new(value, "a look", reader.d)?;
-    if let Some(v) = fields.optional_value("sun_direction") {
-        look.sun_direction = reader.direction(v)?;
+/// Reads a list of one to five linear RGB colours; those that are not given are the first one.
+pub(super) fn read_palette(reader: &mut Reader, value: &Value) -> Option<Palette> {
+    let items: &[Value] = match &value.kind {
+        ValueKind::List(items) => items,
+        _ => &[],
+    };
+    if items.is_empty() || items.len() > 5 {
+        let message = "expected a list of 1 to 5 colours such as [(0.8, 0.6, 0.3), ...]";
+        reader.d.push(Diagnostic::error(message).label(value.span, format!("found {}", value.describe())));
+        return None;
     }
-    for (name, colour) in [("sun", &mut look.sun), ("sky", &mut look.sky)] {
-        if let Some(v) = fields.optional_value(name) {
-            *colour = reader.vector(v, 0.0, 100.0)?;
-        }
+    let mut palette = [reader.vector(&items[0], 0.0, 100.0)?; 5];
+    for (colour, item) in palette.iter_mut().zip(items).skip(1) {
+        *colour = reader.vector(item, 0.0, 100.0)?;
     }
-    look.shadows = fields.or("shadows", look.shadows, reader.d);
-    if let Some(v) = fields.optional_value("occlusion") {
-        look.occlusion = reader.number(v, 0.0, 1.0)?;
-    }
-    if let Some(v) = fields.optional_value("fog") {
-        look.fog = reader.number(v, 0.0, 100.0)?;
-    }
-    if let Some(v) = fields.optional_value("palette") {
-        read_colours(reader, v, &mut look.palette)?;
-    }
-    if let Some(v) = fields.optional_value("background") {
-        read_colours(reader, v, &mut look.background)?;
-    }
-    fields.finish(reader.d);
-    Some(look)
+    Some(palette)
 }
 
 /// Reads a list of linear RGB colours, of exactly the length asked for.
-fn read_colours<const N: usize>(reader: &mut Reader, value: &Value, colours: &mut [[f64; 3]; N]) -> Option<()> {
+pub(super) fn read_colours<const N: usize>(
+    reader: &mut Reader,
+    value: &Value,
+    colours: &mut [[f64; 3]; N],
+) -> Option<()> {
     let items: &[Value] = match &value.kind {
         ValueKind::List(items) => items,
         _ => &[],

@@ -6,6 +6,7 @@
 
 pub(crate) mod escape;
 mod fields;
+mod look;
 mod nodes;
 mod overrides;
 mod presets;
@@ -19,13 +20,14 @@ mod validate;
 mod widths;
 
 pub use escape::Escape;
+pub use look::{Look, Palette, Part, TRAPS, Trap};
 pub use overrides::Override;
 pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
     CALIBRATED_ROWS, Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, IterationLimit,
-    Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, Look, Method, NO_ESCAPE, OrbitSettings, Plane, Quality,
+    Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, Method, NO_ESCAPE, OrbitSettings, Plane, Quality,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind, TestPoint};
 pub use validate::ValidGraph;

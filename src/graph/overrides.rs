@@ -71,6 +71,9 @@ pub(super) fn apply_override(
             _ => Vec::new(),
         }
     };
+    if !change.path.contains('.') {
+        drop_twin(root, &change.path);
+    }
     match change.path.split_once('.') {
         None if names_of(root, "params").contains(&change.path) => {
             params.insert(change.path.clone(), change.value.clone());
@@ -110,15 +113,28 @@ fn set_field(target: &mut Value, parameter: &str, change: &Override, d: &mut Dia
         target.kind = ValueKind::Struct { name: Some(name.clone()), fields: Vec::new() };
     }
     match &mut target.kind {
-        ValueKind::Struct { fields, .. } => match fields.iter_mut().find(|(n, _)| n.text == parameter) {
-            Some((_, value)) => *value = change.value.clone(),
-            None => fields.push((Name::new(change.value.span, parameter), change.value.clone())),
-        },
+        ValueKind::Struct { fields, .. } => {
+            drop_twin(fields, parameter);
+            match fields.iter_mut().find(|(n, _)| n.text == parameter) {
+                Some((_, value)) => *value = change.value.clone(),
+                None => fields.push((Name::new(change.value.span, parameter), change.value.clone())),
+            }
+        }
         _ => {
             let message = format!("the node of `{}` has no parameters", change.path);
             d.push(Diagnostic::error(message).label(change.value.span, ""));
         }
     }
+}
+
+/// Leaves out the other spelling of an orbit's escape test: the one that is set is meant alone.
+fn drop_twin(fields: &mut Vec<(Name, Value)>, set: &str) {
+    let twin = match set {
+        "escape" => "escape_radius",
+        "escape_radius" => "escape",
+        _ => return,
+    };
+    fields.retain(|(name, _)| name.text != twin);
 }
 
 fn string_of(value: &Value) -> Option<String> {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::escape::{Escape, Point};
-use super::{Graph, NodeKind, ParamInput};
+use super::{Graph, NodeKind, ParamInput, TRAPS};
 use crate::formula::step::ParamValue;
 
 /// A listing of all nodes with their parameters and wires.
@@ -17,6 +17,19 @@ pub fn listing(graph: &Graph) -> String {
         let _ = writeln!(text, "  {} = {}", node.name, describe(graph, &node.kind));
     }
     let _ = writeln!(text, "  output {}", graph.node(graph.output).name);
+    text
+}
+
+/// The same, and what the file says of its colours.
+pub fn listing_with_look(graph: &Graph) -> String {
+    let mut text = listing(graph);
+    if graph.look.traps != TRAPS {
+        let traps: Vec<String> = graph.look.traps.iter().flatten().map(|trap| format!("{trap:?}")).collect();
+        let _ = writeln!(text, "  traps {}", traps.join(", "));
+    }
+    for part in &graph.look.parts {
+        let _ = writeln!(text, "  part {} palette {:?}", graph.node(part.node).name, part.palette);
+    }
     text
 }
 

@@ -6,7 +6,8 @@ use std::collections::HashMap;
 
 use rhai::Scope;
 
-use super::fields::{read_look, read_plane};
+use super::fields::read_plane;
+use super::look::read_look;
 use super::overrides::{Override, apply_override};
 use super::presets::read_presets;
 use super::settings::{Camera, Constant, EndShape, IterationLimit, NO_ESCAPE, OrbitSettings};

@@ -45,6 +45,10 @@ const OTHER_CONSTRUCTORS: &[&str] = &[
     "Beyond",
     "Near",
     "Still",
+    "Point",
+    "Line",
+    "Circle",
+    "LastFold",
     "Inside",
     "Outside",
     "Estimate",
@@ -56,7 +60,7 @@ const OTHER_CONSTRUCTORS: &[&str] = &[
     "Turn",
 ];
 /// Values without parts.
-const WORDS: &[&str] = &["Mandelbrot", "Off", "AgreesOnBackends"];
+const WORDS: &[&str] = &["Mandelbrot", "Off", "AgreesOnBackends", "Iterations"];
 /// Values that one node may hold, with all its parts.
 const MAX_VALUES: usize = 10_000;
 /// Values that all nodes of a script may hold together.

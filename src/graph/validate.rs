@@ -37,6 +37,7 @@ pub(super) fn validate(mut graph: Graph, d: &mut Diagnostics) -> Option<ValidGra
         super::widths::check_node(&graph, node, d);
     }
     super::widths::check_tests(&graph, d);
+    check_parts(&graph, d);
     check_shapes(&graph, graph.output, (3, false), d);
     if d.error_count() > errors {
         return None;
@@ -236,6 +237,31 @@ fn check_shapes(graph: &Graph, of: NodeRef, (width, in_end): (u8, bool), d: &mut
         }
         kind if kind.is_map() => {}
         kind => kind.wires().into_iter().for_each(|wire| check_shapes(graph, wire, (width, in_end), d)),
+    }
+}
+
+/// Parts with colours of their own are fields of the picture, or the maps of its orbits.
+fn check_parts(graph: &Graph, d: &mut Diagnostics) {
+    let mut shown = Vec::new();
+    let mut open = vec![graph.output];
+    while let Some(node) = open.pop() {
+        if shown.contains(&node) {
+            continue;
+        }
+        shown.push(node);
+        match &graph.node(node).kind {
+            NodeKind::Orbit { of, .. } => shown.push(*of),
+            NodeKind::Warp { of, .. } => open.push(*of),
+            kind => open.extend(kind.wires()),
+        }
+    }
+    for part in graph.look.parts.iter().filter(|part| !shown.contains(&part.node)) {
+        let mut names: Vec<&str> = shown.iter().map(|node| graph.node(*node).name.as_str()).collect();
+        names.retain(|name| !name.contains([' ', '/']));
+        names.sort_unstable();
+        let message = format!("`{}` is no part of the picture", graph.node(part.node).name);
+        let help = format!("parts are fields that the picture is joined from: {}", names.join(", "));
+        d.push(Diagnostic::error(message).label(part.span, "it cannot have a look of its own").help(help));
     }
 }
 

@@ -119,8 +119,15 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     });
     let shadow_march = shadow_march.transpose()?.map(Kernel::March);
     let skipped = if settings.plain { 0.0 } else { SKIPPED };
-    let shadow_ray =
-        look.shadows.then(|| Kernel::Map(shade::compose_shadow_ray(arena, sun, march.pixel_radius, &bounds, skipped)));
+    let shadow_ray = look.shadows.then(|| {
+        Kernel::Map(shade::compose_shadow_ray(
+            arena,
+            (sun, shade::surface_ports(look)),
+            march.pixel_radius,
+            &bounds,
+            skipped,
+        ))
+    });
     Ok(Pipeline {
         camera,
         bounds,

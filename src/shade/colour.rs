@@ -1,6 +1,7 @@
 //! Light and colour of a pixel, and its encoding for the film.
 
-use super::{CameraFrame, HitInputs};
+use super::{CameraFrame, HitInputs, surface_ports};
+use crate::compose::paint::{paint, usable_trap};
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::Look;
 use crate::kernel::{Status, march_output_ports, ray_ports};
@@ -20,8 +21,7 @@ pub fn compose_colour(
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
     let surface_at = ports.len() as u16;
-    ports.push(Port::new("gradient", Type::V3));
-    ports.push(Port::new("trap", Type::V4));
+    ports.extend(surface_ports(look));
     let shadow_at = ports.len() as u16;
     if look.shadows {
         ports.extend(march_output_ports().into_iter().map(|p| Port::new(format!("shadow_{}", p.name), p.ty)));
@@ -37,7 +37,10 @@ pub fn compose_colour(
         let status = arena.input(shadow_at + position as u16, Type::F);
         status.equals(arena.f(Status::Hit.code())).select(arena.f(0.0), arena.f(1.0))
     });
-    let albedo = palette(arena, look, trap);
+    let albedo = match look.parts.is_empty() {
+        true => paint(look, &look.palette, trap, None),
+        false => arena.input(surface_at + 2, Type::V3),
+    };
     let light = lighting(arena, look, frame, &ray, normal, trap, lit);
     let background = background(arena, look, frame, ray.direction);
     let mut surface = albedo * light;
@@ -61,20 +64,6 @@ fn facing_normal<'g>(gradient: Expr<'g>, direction: Expr<'g>) -> Expr<'g> {
     let away = normal.dot(direction);
     let turned = normal - direction * (away.max(arena.f(0.0)) * 1.2);
     turned.normalize()
-}
-
-/// The trap, as far as traps start where an orbit that became NaN left one that is none.
-pub(super) fn usable_trap(trap: Expr<'_>) -> Expr<'_> {
-    let arena = trap.arena;
-    trap.le(arena.f(1e6)).select(trap, arena.constant(Type::V4, [1e6; 4]))
-}
-
-/// Base colour with those of the planes and the origin blended in where the orbit came near them (after Quilez).
-pub(super) fn palette<'g>(arena: &'g Arena, look: &Look, trap: Expr<'g>) -> Expr<'g> {
-    let near = |i: u8, falloff: f64| (trap.component(i) * -falloff).exp();
-    let colours = look.palette.map(|c| arena.v3(c));
-    let planes = colours[0].mix(colours[2], near(1, 4.0)).mix(colours[3], near(2, 4.0)).mix(colours[4], near(3, 4.0));
-    planes.mix(colours[1], near(0, 2.5))
 }
 
 /// Light that reaches the surface: sun, sky and a little bounced from below.
@@ -108,8 +97,11 @@ fn occlusion<'g>(arena: &'g Arena, look: &Look, ray: &HitInputs<'g>, trap: Expr<
         return arena.f(1.0);
     }
     let by_steps = 1.0 / (ray.steps * ray.steps * (1.0 / 2400.0) + 1.0);
-    let by_trap = 1.0 - (trap.component(0) * -6.0).exp() * 0.6;
-    arena.f(1.0).mix(by_steps * by_trap, arena.f(look.occlusion))
+    let seen = match look.darkens_by_trap() {
+        true => by_steps * (1.0 - (trap.component(0) * -6.0).exp() * 0.6),
+        false => by_steps,
+    };
+    arena.f(1.0).mix(seen, arena.f(look.occlusion))
 }
 
 /// Direction towards the sun in world coordinates.

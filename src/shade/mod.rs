@@ -204,13 +204,18 @@ pub fn compose_surface_point(arena: &Arena, pixel_radius: f64, min_difference: f
     function
 }
 
-/// Rays towards the sun. Their parameter starts at the hit's own, so that thresholds stay those of the pixel, and `skipped` hit
+/// Rays towards the sun, from hits whose surfaces have the ports `surface`. Their parameter starts at the hit's own, so that thresholds stay those of the pixel, and `skipped` hit
 /// thresholds further on: what is nearer than a footprint or two is part of the surface that the pixel shows.
-pub fn compose_shadow_ray(arena: &Arena, sun: [f64; 3], pixel_radius: f64, bounds: &Bounds, skipped: f64) -> Function {
+pub fn compose_shadow_ray(
+    arena: &Arena,
+    (sun, surface): ([f64; 3], Vec<Port>),
+    pixel_radius: f64,
+    bounds: &Bounds,
+    skipped: f64,
+) -> Function {
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
-    ports.push(Port::new("gradient", Type::V3));
-    ports.push(Port::new("trap", Type::V4));
+    ports.extend(surface);
     let mut function = Function::new("shadow_ray", ports);
     let ray = HitInputs::new(arena, 0);
     let first = (ray_ports().len() + march_output_ports().len()) as u16;
@@ -225,6 +230,12 @@ pub fn compose_shadow_ray(arena: &Arena, sun: [f64; 3], pixel_radius: f64, bound
     let near = ray.t + hit_eps * skipped;
     output_ray(&mut function, origin, sun_direction, near, wanted.select(ray.t + far, arena.f(-1.0)));
     function
+}
+
+/// What is known of surfaces: the outputs of a [`crate::compose::Purpose::Surface`].
+pub fn surface_ports(look: &Look) -> Vec<Port> {
+    let albedo = (!look.parts.is_empty()).then(|| Port::new("albedo", Type::V3));
+    [Port::new("gradient", Type::V3), Port::new("trap", Type::V4)].into_iter().chain(albedo).collect()
 }
 
 /// A ray and its march's result as inputs of a function.

@@ -1,7 +1,7 @@
 //! Pictures of a plane through space: each pixel is a point, coloured by the estimate of its distance from the set.
 
-use super::colour::{palette, usable_trap};
-use super::{HitInputs, Size, output_ray};
+use super::{HitInputs, Size, output_ray, surface_ports};
+use crate::compose::paint::{paint, usable_trap};
 use crate::expr::{Arena, Function, Port, Type};
 use crate::graph::{Camera, Look, Plane};
 use crate::kernel::{march_output_ports, ray_ports};
@@ -61,20 +61,19 @@ pub fn compose_plane_colour(arena: &Arena, look: &Look, plane: &Plane, size: Siz
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
     let surface_at = ports.len() as u16;
-    ports.push(Port::new("gradient", Type::V3));
-    ports.push(Port::new("trap", Type::V4));
+    ports.extend(surface_ports(look));
     let mut function = Function::new("colour", ports);
     let ray = HitInputs::new(arena, 0);
     let (zero, one) = (arena.f(0.0), arena.f(1.0));
     // An estimate that is not a number is that of a point so near that derivatives overflow.
     let de = zero.le(ray.last_de).select(ray.last_de, zero);
     let fading = (de * (1.0 / (HALFWAY * plane.height))).min(arena.f(1e6)).sqrt();
-    let mut traps = usable_trap(arena.input(surface_at + 1, Type::V4)).components();
-    // An orbit that starts in a coordinate plane has come as near as can be to it, which tells nothing.
-    for (trap, along) in traps[1..].iter_mut().zip(normal(plane)) {
-        *trap = if along.abs() > 1.0 - 1e-9 { arena.f(1e6) } else { *trap };
-    }
-    let colours = palette(arena, look, arena.compose(&traps));
+    // An orbit that starts in a plane has come as near as can be to it, which tells nothing.
+    let trap = || usable_trap(arena.input(surface_at + 1, Type::V4));
+    let colours = match look.parts.is_empty() {
+        true => paint(look, &look.palette, trap(), Some(normal(plane))),
+        false => arena.input(surface_at + 2, Type::V3),
+    };
     let outside = arena.v3(look.background[1]).mix(colours, one / (fading + 1.0));
     let apart = (de * (1.0 / pixel_size(plane, size))).min(one);
     let shown = ray.is_hit.select(zero, apart);

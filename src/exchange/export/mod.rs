@@ -10,7 +10,7 @@ use naga::back::{glsl, hlsl, msl, spv};
 
 use crate::compose::{Composer, Plan, Purpose, compose_estimator};
 use crate::diag::Diagnostic;
-use crate::graph::{Camera, Method};
+use crate::graph::{Camera, Method, TRAPS};
 use crate::kernel::wgsl;
 
 /// A language, or the form that a program wants.
@@ -193,6 +193,9 @@ fn header(composer: &Composer, plan: &Plan, target: Target) -> String {
     let methods: Vec<&str> = plan.choices.iter().map(|choice| choice.method.name()).collect();
     lines.push(format!("Estimate: {}; step multiplier {}", methods.join(", "), plan.fudge));
     lines.push(format!("Everything lies within {} of the origin. {}", plan.bounding_radius, target.usage()));
+    if target == Target::Shadertoy && (graph.look.traps != TRAPS || !graph.look.parts.is_empty()) {
+        lines.push("The picture has one colour: those of parts and of traps are not written.".to_string());
+    }
     lines.push(format!("Written by bulbfold {}.", env!("CARGO_PKG_VERSION")));
     let plain =
         |line: &String| line.chars().map(|c| if c.is_control() || c == '\\' { ' ' } else { c }).collect::<String>();
