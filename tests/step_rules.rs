@@ -30,7 +30,7 @@ fn random_value(kind: &ParamKind, low: f64, high: f64, random: &mut Random) -> P
         ParamKind::Int => ParamValue::Number(random.range(low.max(1.0).min(high), high.max(1.0)).round()),
         ParamKind::Angle => ParamValue::Number(random.range(least.max(-180.0), most.min(180.0))),
         ParamKind::Bool => ParamValue::Bool(random.below(2) == 0),
-        ParamKind::Vec3 => ParamValue::Vector([0; 3].map(|_| random.range(low, high))),
+        ParamKind::Vec3 | ParamKind::Point => ParamValue::Vector([0; 3].map(|_| random.range(low, high))),
         ParamKind::Mat3 => ParamValue::Matrix([[0; 3]; 3].map(|row| row.map(|_: i32| random.range(-1.5, 1.5)))),
         ParamKind::Choice(words) => ParamValue::Word(words[random.below(words.len())].clone()),
     }
@@ -250,6 +250,7 @@ fn as_ron(value: &ParamValue) -> String {
         ParamValue::Number(x) => format!("{x:?}"),
         ParamValue::Bool(b) => b.to_string(),
         ParamValue::Vector(v) => vector(v),
+        ParamValue::Point([x, y, z, w]) => format!("({x:?}, {y:?}, {z:?}, {w:?})"),
         ParamValue::Matrix(rows) => format!("[{}]", rows.iter().map(vector).collect::<Vec<_>>().join(", ")),
         ParamValue::Word(word) => format!("{word:?}"),
     }
