@@ -58,9 +58,9 @@ impl<'a> OrbitBuilder<'a> {
         let mut measured = state.clone();
         match (self.settings.escape, state.before.last()) {
             (Escape::Near(point), _) => {
-                let point = |z: &Expr<'a>| *z - arena.constant(z.ty(), point);
-                measured.z = point(&state.z);
-                measured.shifted = state.shifted.iter().map(point).collect();
+                let point = arena.constant(state.z.ty(), point);
+                measured.z = state.z - point;
+                measured.shifted = state.shifted.iter().map(|z| *z - point).collect();
             }
             (Escape::Still, Some(before)) => {
                 // A length above 1 changes by far less than the step that is compared with it.
