@@ -294,6 +294,22 @@ fn a_coordinate_ends_orbits_of_a_power() {
     }
 }
 
+/// Bounds are no smaller than sets whose orbits end otherwise: half spaces go on, and an orbit from elsewhere may come back.
+#[test]
+fn bounds_hold_members_of_other_tests_and_starts() {
+    let beyond = formula(
+        r#"(nodes: { "a": quaternion_square() }, output: "a", constant: Off, escape: Above("x", 4.0), max_iterations: 1)"#,
+    );
+    let p = [0.0, 40.0, 0.0];
+    assert!(beyond.inside(p) && beyond.plan().bounding_radius > 40.0, "{}", beyond.plan().bounding_radius);
+    // From (4, 0, 0) the first iteration gives 16 + c: members lie around (-16, 0, 0).
+    let started = formula(
+        r#"(nodes: { "a": quaternion_square() }, output: "a", start: (4, 0, 0), escape_radius: 20.0, max_iterations: 2)"#,
+    );
+    let member = [-16.0, 0.0, 0.0];
+    assert!(started.inside(member) && started.plan().bounding_radius >= 16.0, "{}", started.plan().bounding_radius);
+}
+
 #[test]
 fn escape_tests_that_cannot_be_are_refused() {
     for (fields, expected) in [

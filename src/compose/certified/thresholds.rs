@@ -8,7 +8,7 @@ use crate::compose::maps::steps_of;
 use crate::compose::{ComposeResult, Composer, FieldOrbit};
 use crate::expr::Expr;
 use crate::formula::step::StateWidth;
-use crate::graph::{Constant, IterationMap, MapTree, NodeKind, NodeRef, Schedule, resolve_schedule};
+use crate::graph::{Constant, Escape, IterationMap, MapTree, NodeKind, NodeRef, Schedule, resolve_schedule};
 
 /// Thresholds that differ by less than this factor share the larger one.
 const ALIKE: f64 = 1.01;
@@ -47,6 +47,10 @@ const SMALLEST: f64 = 1e-3;
 /// that is not known, not even of the outermost shell.
 pub(in crate::compose) fn lost_from(composer: &Composer, orbit: &FieldOrbit, far: f64) -> ComposeResult<Option<f64>> {
     let (graph, settings) = (composer.graph, &orbit.settings);
+    // Norms tell of escape by length alone, and of orbits that start at the point.
+    if settings.escape != Escape::Length || settings.start.is_some() {
+        return Ok(None);
+    }
     // Steps that remember return to what they were, and first maps say nothing of norms.
     if !settings.pre.is_empty() || steps_of(composer, orbit.root).iter().any(|step| step.remembers()) {
         return Ok(None);
