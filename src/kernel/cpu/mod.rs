@@ -12,6 +12,8 @@ mod interpret;
 mod march;
 mod tapes;
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use fearless_simd::{Level, Simd, SimdBase, dispatch};
 use rayon::prelude::*;
 
@@ -66,6 +68,7 @@ impl Cpu {
         let level = Level::new();
         #[cfg(target_arch = "x86_64")]
         let set = match level {
+            _ if !compiled::is_allowed() => None,
             Level::Avx512(_) => Some(InstructionSet::Avx512),
             Level::Avx2(_) => Some(InstructionSet::Avx2),
             _ => None,
@@ -78,7 +81,7 @@ impl Cpu {
         }
     }
 
-    /// True where kernels become machine code: on processors with AVX-512 or AVX2.
+    /// True where kernels become machine code: on processors with AVX-512 or AVX2, where the system allows it.
     pub fn compiles(&self) -> bool {
         self.machine_code().is_some()
     }
@@ -122,19 +125,33 @@ impl Cpu {
             Precision::F32 => "f32",
         };
         if let Some((name, rays)) = self.machine_code() {
-            return format!("cpu, {precision}, {rays} rays a vector (machine code for {name})");
+            let some =
+                if INTERPRETED.load(Ordering::Relaxed) { ", some kernels interpreted for want of memory" } else { "" };
+            return format!("cpu, {precision}, {rays} rays a vector (machine code for {name}{some})");
         }
+        let why = if is_refused() { ": the system refuses machine code" } else { "" };
         match self.precision {
-            Precision::F64 => "cpu, f64, 1 ray at a time (interpreted)".into(),
+            Precision::F64 => format!("cpu, f64, 1 ray at a time (interpreted{why})"),
             Precision::F32 => {
                 let lanes = dispatch!(self.level, simd => pack_lanes(simd));
                 // The level's debug text is its name and then its token.
                 let level = format!("{:?}", self.level);
                 let name = level.split('(').next().unwrap_or_default();
-                format!("cpu, f32, {lanes} rays at a time (interpreted, {name})")
+                format!("cpu, f32, {lanes} rays at a time (interpreted, {name}{why})")
             }
         }
     }
+}
+
+/// Whether a kernel of this process had to be interpreted where it should have become machine code.
+static INTERPRETED: AtomicBool = AtomicBool::new(false);
+
+/// Whether the system forbids what the processor could do.
+fn is_refused() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return !compiled::is_allowed();
+    #[cfg(not(target_arch = "x86_64"))]
+    false
 }
 
 #[inline(always)]
@@ -154,6 +171,10 @@ impl Backend for Cpu {
         let program = Program::new(arena, kernel);
         #[cfg(target_arch = "x86_64")]
         let compiled = self.set.and_then(|set| compiled::compile(&program, self.precision, set));
+        #[cfg(target_arch = "x86_64")]
+        if self.set.is_some() && compiled.is_none() {
+            INTERPRETED.store(true, Ordering::Relaxed);
+        }
         Ok(CpuKernel {
             #[cfg(target_arch = "x86_64")]
             compiled,

@@ -21,12 +21,21 @@ mod segment;
 mod trace;
 
 use std::marker::PhantomData;
+use std::sync::OnceLock;
+
+use memmap2::MmapMut;
 
 use self::assemble::{Line, MachineCode};
 use self::copies::{COPIES, MORE_COPIES};
 pub(super) use self::instructions::InstructionSet;
 pub(super) use self::kernels::compile;
 use crate::kernel::cpu::Precision;
+
+/// Whether the system lets the process make code of its own, which service managers and sandboxes may refuse. Tried once.
+pub(super) fn is_allowed() -> bool {
+    static ALLOWED: OnceLock<bool> = OnceLock::new();
+    *ALLOWED.get_or_init(|| MmapMut::map_anon(1).and_then(MmapMut::make_exec).is_ok())
+}
 
 /// A kernel as machine code.
 #[derive(Clone)]
