@@ -2,11 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use bulbfold::check::{Backends, Formula, Target};
 use bulbfold::diag::{Diagnostic, Diagnostics};
 use bulbfold::exchange::import::encoding::{Decoded, MAX_BYTES, decode};
-use bulbfold::exchange::import::{Imported, LostKind, fragmentarium, mandelbulber};
+use bulbfold::exchange::import::evidence::{Ours, Points};
+use bulbfold::exchange::import::{Imported, LostKind, fragmentarium, mandelbulb3d, mandelbulber};
 use bulbfold::files::{Chosen, read_bytes};
 use bulbfold::formula::library::Library;
+use bulbfold::graph::Method;
 use bulbfold::load::load_text;
 use clap::Args;
 
@@ -20,10 +23,12 @@ use super::{Failure, Outcome, Session, usage};
 Examples:
   bulbfold import scene.fract && bulbfold render scene.ron
   bulbfold import Mandelbulb.frag --preset Spikes -o spikes.ron
+  bulbfold import odd.frag --as mandelbox
 
+The code of a shader is run and compared with the formulas that are known here.
 What has no counterpart is listed on stderr.")]
 pub struct Arguments {
-    /// Settings of Mandelbulber 2 (.fract) or a shader of Fragmentarium (.frag)
+    /// Settings of Mandelbulber 2 (.fract), a shader of Fragmentarium (.frag) or parameters of Mandelbulb3D (.m3p, or as text)
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// The file to write [default: FILE with the ending .ron, beside it]
@@ -32,6 +37,9 @@ pub struct Arguments {
     /// Preset of a Fragmentarium file [default: the file's default preset, or its first]
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
+    /// Formula that a Fragmentarium file is taken for, without a look at its code
+    #[arg(long = "as", value_name = "FORMULA")]
+    taken_for: Option<String>,
     /// Overwrite OUT if it is there
     #[arg(long)]
     force: bool,
@@ -63,32 +71,66 @@ fn read(arguments: &Arguments, session: &mut Session) -> Result<Imported, Failur
     if arguments.preset.is_some() && ending != "frag" {
         return Err(usage("only Fragmentarium's files have presets", "leave --preset out"));
     }
-    if ending != "frag" && ending != "fract" {
-        let message = format!("{} is neither a .fract nor a .frag file", file.display());
-        return Err(usage(message, "settings of Mandelbulber 2 end in .fract, shaders of Fragmentarium in .frag"));
+    if arguments.taken_for.is_some() && ending != "frag" {
+        return Err(usage("only Fragmentarium's files hold code instead of a formula's name", "leave --as out"));
     }
-    let mut d = Diagnostics::default();
-    let Decoded { text, encoding } = read_encoded(file, session)?;
-    if let Some(encoding) = encoding {
+    if ending == "m3i" {
+        let help = "copy its parameters as text in Mandelbulb3D, save them and import that";
+        return Err(usage(format!("{} is a picture of Mandelbulb3D", file.display()), help));
+    }
+    let bytes = read_named(file, session)?;
+    let Decoded { text, encoding } = decode(&bytes);
+    let is_m3d = ending == "m3p" || (ending != "frag" && ending != "fract" && mandelbulb3d::is_in(&text));
+    if ending != "frag" && ending != "fract" && !is_m3d {
+        let message = format!("{} is neither a .fract nor a .frag nor a .m3p file", file.display());
+        let help = "settings of Mandelbulber 2 end in .fract, shaders of Fragmentarium in .frag; parameters of Mandelbulb3D in .m3p, or they are a text with `Mandelbulb3Dv18{`";
+        return Err(usage(message, help));
+    }
+    if let Some(encoding) = encoding.filter(|_| !is_m3d) {
         talk(&format!("{} is not UTF-8; it is read as {encoding}", file.display()));
     }
+    let mut d = Diagnostics::default();
     let id = session.library.sources.add(file.display().to_string(), text.as_str());
     let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let sources = &session.library.sources;
     let imported = match ending.as_str() {
-        "frag" => fragmentarium::import(sources, id, &name, arguments.preset.as_deref(), &mut d),
+        "frag" => {
+            let request = fragmentarium::Request {
+                preset: arguments.preset.as_deref(),
+                taken_for: arguments.taken_for.as_deref(),
+            };
+            fragmentarium::import(sources, (id, &name), request, &ours, &mut d)
+        }
+        _ if is_m3d => mandelbulb3d::import(sources, (id, &name), &bytes, &mut d),
         _ => mandelbulber::import(sources, id, &name, &mut d),
     };
     session.report(d)?;
     imported.ok_or_else(|| usage(format!("cannot import {}", file.display()), ""))
 }
 
-/// The text of a file in any encoding. No output may replace the file.
-fn read_encoded(file: &Path, session: &mut Session) -> Result<Decoded, Failure> {
+/// Orbits and distances of a graph file's text, to be compared with a shader's.
+fn ours(text: &str, points: &Points) -> Result<Ours, String> {
+    let formula = Formula::from_ron(text).map_err(|error| error.to_string())?;
+    let (subject, backends) = (formula.subject(), Backends::cpu_only());
+    let mut orbits = Vec::new();
+    for iterations in 1..=points.iterations {
+        let kernel = subject.orbit_kernel(iterations).map_err(|_| "the formula does not compose")?;
+        let states = subject.orbits(&backends, Target::CpuF64, &kernel, &points.near).map_err(|e| e.to_string())?;
+        orbits.push(states.iter().map(|state| std::array::from_fn(|i| state.get(i).copied().unwrap_or(0.0))).collect());
+    }
+    let choices = subject.choices(Some(Method::Scalar)).or_else(|| subject.choices(None)).unwrap_or_default();
+    let kernel = subject.estimator(&choices).map_err(|_| "the formula does not compose")?;
+    let found = subject.estimates(&backends, Target::CpuF64, &kernel, &points.far).map_err(|e| e.to_string())?;
+    let distances = found.into_iter().map(|(distance, inside)| (!inside).then_some(distance)).collect();
+    Ok(Ours { orbits, distances })
+}
+
+/// The bytes of a file. No output may replace it.
+fn read_named(file: &Path, session: &mut Session) -> Result<Vec<u8>, Failure> {
     let bytes = read_bytes(file, MAX_BYTES, Chosen::Named)
         .map_err(|error| usage(format!("cannot read {}: {error}", file.display()), ""))?;
     session.library.note_input(file);
-    Ok(decode(&bytes))
+    Ok(bytes)
 }
 
 /// A graph that does not load is not written: some value is outside of what our steps take.
@@ -105,8 +147,9 @@ fn check_loads(imported: &Imported, target: &Path, session: &Session) -> Result<
     Err(Failure::Usage(session.rendered(&all, &library.sources)))
 }
 
-/// Says on stderr what was not carried over.
+/// Says on stderr how a file was understood, and what was not carried over.
 fn report(imported: &Imported) {
+    imported.notes.iter().for_each(|note| talk(note));
     for kind in LostKind::ALL {
         let lost: Vec<_> = imported.lost.iter().filter(|lost| lost.kind == kind).collect();
         if lost.is_empty() {

@@ -4,7 +4,9 @@ mod export;
 #[cfg(feature = "gpu")]
 mod export_gpu;
 mod fragmentarium;
+mod mandelbulb3d;
 mod mandelbulber;
+mod mandelbulber_maps;
 mod refusals;
 mod versions;
 

@@ -18,7 +18,7 @@ fn broken_files_are_told_with_their_place() {
             "formula number 4711",
         ),
         ("a.frag", "void main() {}", "1:1", "not a shader of Fragmentarium"),
-        ("a.frag", "uniform float Secret; slider[0,1,2]\n", "1:1", "not among those that are known"),
+        ("a.frag", "uniform float Secret; slider[0,1,2]\n", "1:1", "there is no function `float DE(vec3)`"),
         ("Mandelbulb.frag", "uniform float Power; slider[0,8]\n", "1:29", "`Power` has no default value"),
         (
             "Mandelbulb.frag",

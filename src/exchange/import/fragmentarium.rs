@@ -1,15 +1,17 @@
 //! Fragmentarium's shaders (`.frag`).
 //!
-//! The formula itself is GLSL that anybody may have changed, so it is not read but recognised: by the file's name, by the
-//! names of included files, or by uniforms that stand together in one formula only ([`Table::fragmentarium`]). Values come
-//! from a preset, else from the sliders' defaults. `FOV` is the tangent of half the angle from bottom to top, times 1: with
-//! 0.4 the picture's height at distance 1 is 0.8.
+//! The formula is GLSL that anybody may have changed, so names say nothing: the code is run at some points and compared with
+//! the formulas of [`Table::fragmentarium`] ([`evidence`](super::evidence)). What is none of them is refused, unless the user says what it
+//! is. Values come from a preset, else from the sliders' defaults. `FOV` is the tangent of half the angle from bottom to top,
+//! times 1: with 0.4 the picture's height at distance 1 is 0.8.
 
 use super::ask::Ask;
-use super::shader::Shader;
+use super::evidence::{self, Measure};
+use super::glsl::{self, Machine};
+use super::shader::{Given, Shader};
 use super::table::{Adds, Row, Table};
 use super::text::{GraphText, as_name, sequence};
-use super::value::{written, written_vector};
+use super::value::{Value, written, written_vector};
 use super::{Imported, Lost, LostKind};
 use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources};
 use crate::graph::Camera;
@@ -81,12 +83,22 @@ const TRACER: &[&str] = &[
     "ShadowOnly",
 ];
 
-/// Makes a graph file of the shader in `id`, whose file is called `name`. Returns nothing when `d` has errors.
+/// What the user says of a shader.
+#[derive(Clone, Copy, Default, Debug)]
+pub struct Request<'a> {
+    /// Name of the preset whose values are taken.
+    pub preset: Option<&'a str>,
+    /// Name of the formula that the shader is taken for, whatever its code says.
+    pub taken_for: Option<&'a str>,
+}
+
+/// Makes a graph file of the shader in `id`, whose file is called `name`; `measure` computes our side of the comparison. Returns
+/// nothing when `d` has errors.
 pub fn import(
     sources: &Sources,
-    id: SourceId,
-    name: &str,
-    preset: Option<&str>,
+    (id, name): (SourceId, &str),
+    request: Request,
+    measure: Measure,
     d: &mut Diagnostics,
 ) -> Option<Imported> {
     let mut shader = Shader::read(sources, id, d);
@@ -98,34 +110,152 @@ pub fn import(
                 .help("plain GLSL cannot be imported; write the formula as a step, see docs/formulas.md"),
         );
     }
-    let table = Table::fragmentarium();
-    let row = recognised(&table, &shader, name);
-    if row.is_none() && !d.has_errors() {
-        let known: Vec<&str> = table.formulas.iter().map(|row| row.name.as_str()).collect();
-        d.push(
-            Diagnostic::error("the formula of this shader is not among those that are known here")
-                .label(sources.span_at(id, 1, 1), "neither its name nor its uniforms are those of a known formula")
-                .help(format!("known formulas: {}", known.join(", ")))
-                .help("a file is recognised by its name, such as Mandelbulb.frag, or by its uniforms"),
-        );
+    shader.choose(request.preset, d);
+    if d.has_errors() {
+        return None;
     }
-    shader.choose(preset, d);
-    let graph = graph(&table, row?, &shader, name, d);
-    let lost = shader.unasked().into_iter().map(lost).collect();
-    (!d.has_errors()).then(|| Imported { text: graph.write(), lost })
+    let table = Table::fragmentarium();
+    let (row, is_turned, note) = match request.taken_for {
+        Some(wanted) => (named(&table, wanted, d)?, false, not_read(wanted)),
+        None => recognised(&table, &shader, (sources, id, name), measure, d)?,
+    };
+    let asked = Asked { shader: &shader, is_turned };
+    let mut graph = graph(&table, row, &asked, name, d);
+    graph.comment.push(note.clone());
+    graph.camera = camera(&shader, d);
+    let is_proven = request.taken_for.is_none();
+    let mut lost: Vec<Lost> = shader.unasked().into_iter().map(|given| lost(given, is_proven)).collect();
+    lost.extend(shader.animations.iter().map(|line| Lost {
+        kind: LostKind::Look,
+        what: line.clone(),
+        why: "an easing curve: animations are not carried over".into(),
+    }));
+    (!d.has_errors()).then(|| Imported { text: graph.write(), lost, notes: vec![note] })
 }
 
-/// The row of a file: by its name, the names of what it includes, or the uniforms of a row, all of them.
-fn recognised<'t>(table: &'t Table, shader: &Shader, name: &str) -> Option<&'t Row> {
-    let stem = |name: &str| as_name(name.rsplit('/').next().unwrap_or(name).trim_end_matches(".frag"));
-    let names: Vec<String> =
-        std::iter::once(name.to_lowercase()).chain(shader.includes.iter().cloned()).map(|n| stem(&n)).collect();
-    let has = |uniform: &String| shader.uniforms.iter().any(|given| given.name == *uniform);
-    let by_name = table.formulas.iter().find(|row| row.files.iter().any(|file| names.contains(file)));
-    by_name.or_else(|| table.formulas.iter().find(|row| !row.uniforms.is_empty() && row.uniforms.iter().all(has)))
+fn not_read(name: &str) -> String {
+    format!("warning: taken for {name} only because of --as; the code of the shader was not read")
 }
 
-fn graph(table: &Table, row: &Row, shader: &Shader, name: &str, d: &mut Diagnostics) -> GraphText {
+/// The row that the user names.
+fn named<'t>(table: &'t Table, wanted: &str, d: &mut Diagnostics) -> Option<&'t Row> {
+    let name = as_name(wanted);
+    let found = table.formulas.iter().find(|row| as_name(&row.name) == name || row.files.contains(&name));
+    if found.is_none() {
+        let known: Vec<String> = table.formulas.iter().map(|row| as_name(&row.name)).collect();
+        let diagnostic =
+            Diagnostic::error(format!("`--as {wanted}` names no formula of Fragmentarium that is known here"));
+        let diagnostic = diagnostic.did_you_mean(&name, known.iter().map(String::as_str));
+        d.push(diagnostic.help(format!("known formulas: {}", known.join(", "))));
+    }
+    found
+}
+
+/// The row whose map is the shader's, whether its angles turn the other way, and a line that says so.
+fn recognised<'t>(
+    table: &'t Table,
+    shader: &Shader,
+    (sources, id, name): (&Sources, SourceId, &str),
+    measure: Measure,
+    d: &mut Diagnostics,
+) -> Option<(&'t Row, bool, String)> {
+    let points = evidence::points();
+    let code = sources.text(id);
+    let runs = glsl::tokens(code).and_then(|tokens| glsl::parse(&tokens)).and_then(|program| {
+        if !program.functions.contains_key("DE") {
+            return Err(
+                "there is no function `float DE(vec3)`, so it draws no distance estimate of a solid".to_string()
+            );
+        }
+        evidence::run(&mut Machine::new(&program, &uniforms(shader))?, &points)
+    });
+    let place = code.lines().position(|line| line.contains("DE(")).map_or(1, |row| row + 1);
+    let label = |diagnostic: Diagnostic, text: String| diagnostic.label(sources.span_at(id, place, 1), text);
+    let runs = match runs {
+        Ok(runs) => runs,
+        Err(why) => {
+            let message = "the code of this shader cannot be run here, so it is not known which formula it draws";
+            d.push(how_to_go_on(table, label(Diagnostic::error(message), why)));
+            let is_default = |given: &&Given| shader.peek(&given.name).is_some_and(|found| found.span == given.span);
+            let broken = shader.uniforms.iter().filter(is_default).filter_map(|given| given.broken.as_deref());
+            d.extend(broken.cloned());
+            return None;
+        }
+    };
+    let mut nearest = String::new();
+    for row in &table.formulas {
+        for is_turned in [false, true] {
+            let asked = Asked { shader, is_turned };
+            let mut ignored = Diagnostics::default();
+            let text = graph(table, row, &asked, name, &mut ignored).write();
+            let has_angles = row.settings().iter().any(|setting| is_angle(setting));
+            if ignored.has_errors() || (is_turned && !has_angles) {
+                continue;
+            }
+            let compared = measure(&text, &points).and_then(|ours| evidence::compare(&runs, &ours, &points));
+            match compared {
+                Ok(matches) => {
+                    let note = format!("recognised as {}: {matches} places of orbits are the same", row.name);
+                    return Some((row, is_turned, note));
+                }
+                Err(why) if why.starts_with("the orbits") => nearest = format!("of {}: {why}", row.name),
+                Err(_) => {}
+            }
+        }
+    }
+    let message = "the formula of this shader is none that is known here: its code computes something else";
+    let why = if nearest.is_empty() { "run and compared, orbit by orbit".to_string() } else { nearest };
+    d.push(how_to_go_on(table, label(Diagnostic::error(message), why)));
+    None
+}
+
+fn how_to_go_on(table: &Table, diagnostic: Diagnostic) -> Diagnostic {
+    let known: Vec<String> = table.formulas.iter().map(|row| as_name(&row.name)).collect();
+    diagnostic
+        .help(format!("known formulas: {}", known.join(", ")))
+        .help("`--as NAME` takes the preset's values for one of them, whatever the code says")
+        .help("to draw the shader's own formula, write it as a step: see docs/formulas.md")
+}
+
+/// Types, names and values of all uniforms that have one.
+fn uniforms(shader: &Shader) -> Vec<(String, String, glsl::Value)> {
+    let value = |(name, kind): &(String, String)| {
+        let given = shader.peek(name).filter(|given| given.broken.is_none())?;
+        let parts: Option<Vec<f64>> = given.text.split([',', ' ']).filter(|part| !part.is_empty()).map(part).collect();
+        let value = glsl::Value::construct(kind, &[glsl::Value::Vector(parts?)]).ok()?;
+        Some((kind.clone(), name.clone(), value))
+    };
+    shader.types.iter().filter_map(value).collect()
+}
+
+fn part(text: &str) -> Option<f64> {
+    match text {
+        "true" => Some(1.0),
+        "false" => Some(0.0),
+        _ => super::value::number(text),
+    }
+}
+
+/// A shader's values, with its angles the other way round where `z * turn` stands for `turn * z`.
+struct Asked<'a> {
+    shader: &'a Shader,
+    is_turned: bool,
+}
+
+fn is_angle(name: &str) -> bool {
+    name.contains("Angle")
+}
+
+impl Ask for Asked<'_> {
+    fn ask(&self, name: &str, default: &Value, d: &mut Diagnostics) -> Value {
+        match self.shader.ask(name, default, d) {
+            Value::Number(angle) if self.is_turned && is_angle(name) => Value::Number(-angle),
+            value => value,
+        }
+    }
+}
+
+fn graph(table: &Table, row: &Row, shader: &Asked, name: &str, d: &mut Diagnostics) -> GraphText {
     let expanded = table.expand(row, "", shader, d);
     let node = as_name(&row.name);
     let mut graph = GraphText {
@@ -138,14 +268,13 @@ fn graph(table: &Table, row: &Row, shader: &Shader, name: &str, d: &mut Diagnost
     let help = |param: &str| format!("{}: {}", row.name, param.replace('_', " "));
     graph.params.extend(expanded.params.iter().map(|(param, value)| (param.clone(), *value, help(param))));
     graph.nodes.push((node, sequence(&expanded.steps)));
-    graph.settings.push(format!("constant: {}", constant(row, shader, d)));
+    graph.settings.push(format!("constant: {}", constant(row, shader.shader, d)));
     graph.settings.push(format!("escape_radius: {}", written(expanded.bailout.clamp(1e-3, 1e6))));
     let iterations = expanded.iterations.unwrap_or(12.0).round().clamp(1.0, 10_000.0);
     graph.settings.push(format!("max_iterations: {iterations}"));
     if !row.estimate.is_empty() {
         graph.settings.push(format!("estimate: ({})", row.estimate));
     }
-    graph.camera = camera(shader, d);
     graph
 }
 
@@ -173,8 +302,9 @@ fn camera(shader: &Shader, d: &mut Diagnostics) -> Option<Camera> {
     shader.given("Eye").map(|_| Camera { position, target, up, fov: 2.0 * fov.atan() })
 }
 
-fn lost(given: &super::shader::Given) -> Lost {
-    let is_tracer = TRACER.contains(&given.name.as_str());
-    let kind = if is_tracer { LostKind::Look } else { LostKind::Shape };
+/// What becomes of a value that nothing reads: where the map has been compared, it bears on nothing but looks.
+fn lost(given: &Given, is_proven: bool) -> Lost {
+    let is_look = is_proven || TRACER.contains(&given.name.as_str());
+    let kind = if is_look { LostKind::Look } else { LostKind::Shape };
     Lost { kind, what: format!("{} = {}", given.name, given.text), why: String::new() }
 }

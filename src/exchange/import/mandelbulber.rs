@@ -32,7 +32,7 @@ pub fn import(sources: &Sources, id: SourceId, name: &str, d: &mut Diagnostics) 
         what: format!("[{section}]"),
         why: "animations are not read".into(),
     }));
-    (!d.has_errors()).then(|| Imported { text: graph.write(), lost })
+    (!d.has_errors()).then(|| Imported { text: graph.write(), lost, notes: Vec::new() })
 }
 
 /// A file while it is being read.

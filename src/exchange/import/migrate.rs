@@ -30,7 +30,7 @@ const LAST_SINGLE_FACTOR: f64 = 2.04;
 
 /// Settings of a formula's place in the scene. New files write them in the formula's section, `name`; old ones in the main
 /// section, `name_1`, which is where this reader looks.
-const OF_PLACE: &[&str] = &[
+pub const OF_PLACE: &[&str] = &[
     "formula",
     "fractal_enable",
     "formula_iterations",

@@ -1,15 +1,19 @@
 //! Settings of other programs to graph files.
 //!
-//! In comes the text of a Mandelbulber settings file ([`mandelbulber`]) or of a Fragmentarium shader ([`fragmentarium`]);
+//! In comes the text of a Mandelbulber settings file ([`mandelbulber`]), of a Fragmentarium shader ([`fragmentarium`]) or of
+//! Mandelbulb3D's parameters ([`mandelbulb3d`]);
 //! out comes an [`Imported`]: the text of a graph file, and everything of the settings that it does not hold. Which formula
 //! becomes which steps is data: a [`table`] for each program, where a formula more is a row more.
 
 pub mod encoding;
+pub mod evidence;
 pub mod fragmentarium;
+pub mod mandelbulb3d;
 pub mod mandelbulber;
 pub mod table;
 
 mod ask;
+mod glsl;
 mod looks;
 mod migrate;
 mod objects;
@@ -30,6 +34,8 @@ pub struct Imported {
     pub text: String,
     /// What was not carried over, in the order of the file.
     pub lost: Vec<Lost>,
+    /// What must be said first.
+    pub notes: Vec<String>,
 }
 
 /// A part of a file that has no counterpart here.

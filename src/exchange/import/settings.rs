@@ -10,6 +10,9 @@ use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
 /// First words of a settings file.
 const TITLE: &str = "Mandelbulber settings file";
 
+/// Most settings of a section; the program has some 1,500.
+const MAX_ENTRIES: usize = 50_000;
+
 /// One line.
 #[derive(Clone, Debug)]
 pub struct Entry {
@@ -92,6 +95,11 @@ impl Settings {
             }
             let Some(section) = settings.sections.last_mut().filter(|_| holds_settings) else { continue };
             let indent = raw.len() - raw.trim_start().len();
+            if section.entries.len() >= MAX_ENTRIES {
+                let message = format!("a section has more than {MAX_ENTRIES} settings");
+                d.push(Diagnostic::error(message).label(Span::new(id, start, start + 1), "one of them too many"));
+                return None;
+            }
             section.entries.push(entry(line, id, start + indent));
         }
         Some(settings)

@@ -41,9 +41,6 @@ pub struct Row {
     /// Names of files (without ending, in lower case) that hold it, where formulas are files.
     #[serde(default)]
     pub files: Vec<String>,
-    /// Names of uniforms that are found together in no other formula's file.
-    #[serde(default)]
-    pub uniforms: Vec<String>,
     /// Which constant it adds.
     pub constant: Adds,
     /// The program's default bailout, or an expression of the settings.

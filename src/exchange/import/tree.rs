@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use super::migrate::OBJECT_TREE;
+use super::migrate::{OBJECT_TREE, OF_PLACE};
 use super::settings::{Entry, Section, Settings};
 use crate::diag::{Diagnostic, Diagnostics};
 
@@ -197,7 +197,11 @@ impl Builder<'_> {
             let mut copy = self.settings.section(&format!("fractal_{section}"));
             copy.name = format!("fractal_{number}");
             self.settings.sections.push(copy);
-            self.copy(|name| name.strip_suffix(&format!("_{section}")).map(|stem| format!("{stem}_{number}")));
+            let of_section = format!("_{section}");
+            self.copy(|name| {
+                let stem = name.strip_suffix(&of_section).filter(|stem| OF_PLACE.contains(stem))?;
+                Some(format!("{stem}_{number}"))
+            });
         }
         self.used.push(number);
         for prefix in std::iter::once(definition.prefix.as_str()).chain(group) {
