@@ -47,7 +47,7 @@ impl<'p> Machine<'p> {
                 for (name, value) in variables {
                     // What cannot be computed is an error only where it is read.
                     let value = match value {
-                        Some(value) => machine.value(value).and_then(|value| value.as_kind(kind)),
+                        Some(value) => machine.value(value).and_then(|value| value.into_kind(kind)),
                         None => Value::construct(kind, &[]),
                     };
                     if let Ok(value) = value {
@@ -89,7 +89,7 @@ impl<'p> Machine<'p> {
                     .parameters
                     .iter()
                     .zip(&arguments)
-                    .all(|((kind, ..), value)| value.clone().as_kind(kind).is_ok())
+                    .all(|((kind, ..), value)| value.clone().into_kind(kind).is_ok())
         };
         let function = list.iter().find(fits).ok_or_else(|| format!("the function `{name}` is not in the file"))?;
         if self.frames.len() >= MAX_CALLS {
@@ -97,7 +97,7 @@ impl<'p> Machine<'p> {
         }
         let mut variables = HashMap::new();
         for ((kind, parameter, _), value) in function.parameters.iter().zip(arguments) {
-            variables.insert(parameter.clone(), (kind.clone(), value.as_kind(kind)?));
+            variables.insert(parameter.clone(), (kind.clone(), value.into_kind(kind)?));
         }
         self.frames.push(vec![variables]);
         let flow = self.statements(&function.body);
@@ -138,7 +138,7 @@ impl<'p> Machine<'p> {
             Statement::Declare(kind, variables) => {
                 for (name, value) in variables {
                     let value = match value {
-                        Some(value) => self.value(value)?.as_kind(kind)?,
+                        Some(value) => self.value(value)?.into_kind(kind)?,
                         None => Value::construct(kind, &[])?,
                     };
                     self.keep(&value);
@@ -318,7 +318,7 @@ impl<'p> Machine<'p> {
                     self.frames.last_mut().and_then(|frame| frame.iter_mut().rev().find_map(|b| b.get_mut(name)));
                 let place = local.or_else(|| self.globals.get_mut(name));
                 let (kind, place) = place.ok_or_else(|| format!("the variable `{name}` is not declared"))?;
-                *place = value.as_kind(kind)?;
+                *place = value.into_kind(kind)?;
                 let value = place.clone();
                 self.keep(&value);
                 Ok(())

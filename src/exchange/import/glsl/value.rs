@@ -95,7 +95,7 @@ impl Value {
     }
 
     /// The value as a variable of a type holds it: whole numbers become numbers.
-    pub fn as_kind(self, kind: &str) -> Result<Value, Failure> {
+    pub fn into_kind(self, kind: &str) -> Result<Value, Failure> {
         match (kind, &self) {
             ("float" | "double", Value::Int(number)) => Ok(Value::Float(*number as f64)),
             ("int" | "uint", Value::Float(_)) => Err("a number stands where a whole number is needed".into()),

@@ -89,7 +89,7 @@ impl Formula {
 
     /// Name, iterations and options, as messages show them.
     pub fn shown(&self) -> String {
-        let options: Vec<String> = self.options.iter().map(|value| format!("{value}")).collect();
+        let options: Vec<String> = self.options.iter().map(|value| format!("{value:?}")).collect();
         format!("{}. {} x {} ({})", self.place, self.name, self.iterations, options.join(", "))
     }
 }
