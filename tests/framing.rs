@@ -40,7 +40,11 @@ fn frames_hold_what_is_there() {
         let camera = camera_of(&subject.composer(), &subject.plan);
         let off = (DVec3::from(camera.target) - DVec3::from(middle)).length();
         assert!(off < radius, "{camera:?}");
-        assert!((0.6..1.05).contains(&filled(&camera, middle, radius)), "{}: {camera:?}", filled(&camera, middle, radius));
+        assert!(
+            (0.6..1.05).contains(&filled(&camera, middle, radius)),
+            "{}: {camera:?}",
+            filled(&camera, middle, radius)
+        );
     }
 }
 

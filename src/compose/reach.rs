@@ -424,7 +424,7 @@ impl Search {
         let columns = Estimator::columns(&points, &[[1.0, 0.0, 0.0]], &reaches, 0.0);
         let proven = run_prepared(&self.cpu, kernel, &columns).swap_remove(0);
         // What is not a number is no proof.
-        let is_open = |(cube, proven): (Cube, f64)| (!(proven >= cube.around())).then_some(cube);
+        let is_open = |(cube, proven): (Cube, f64)| (proven.is_nan() || proven < cube.around()).then_some(cube);
         cubes.into_iter().zip(proven).filter_map(is_open).collect()
     }
 

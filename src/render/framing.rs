@@ -80,14 +80,11 @@ fn around(camera: &Camera, points: &[DVec3]) -> Camera {
     Camera { position: (target - axes[2] * distance).to_array(), target: target.to_array(), ..*camera }
 }
 
-/// Depth and point of the hits of an even grid of a picture's pixels.
-fn hits(
-    composer: &Composer,
-    plan: &Plan,
-    camera: &Camera,
-    size: Size,
-    grid: Size,
-) -> ComposeResult<Vec<Option<(f64, DVec3)>>> {
+/// Depth and point of a ray's hit.
+type Hit = Option<(f64, DVec3)>;
+
+/// The hits of an even grid of a picture's pixels.
+fn hits(composer: &Composer, plan: &Plan, camera: &Camera, size: Size, grid: Size) -> ComposeResult<Vec<Hit>> {
     let arena: &Arena = composer.arena;
     let cpu = Cpu::new(Precision::F64);
     let bounds = Bounds::ball(plan.bounding_radius);
@@ -229,7 +226,7 @@ impl Iterations {
         loop {
             let after = see(rounds + 1)?;
             let both = || before.iter().zip(&after).filter(|(a, b)| a.is_some() || b.is_some());
-            let differs = |(a, b): &(&Option<(f64, DVec3)>, &Option<(f64, DVec3)>)| match (a, b) {
+            let differs = |(a, b): &(&Hit, &Hit)| match (a, b) {
                 (Some((a, _)), Some((b, _))) => (a - b).abs() > 0.5 * footprint * a,
                 _ => true,
             };
