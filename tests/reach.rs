@@ -16,6 +16,7 @@ use bulbfold::check::random::Random;
 use bulbfold::check::truth::Members;
 use bulbfold::compose::Reach;
 use bulbfold::formula::embedded::FRACTALS;
+use bulbfold::graph::DeForm;
 
 /// What random points say of a formula.
 struct Seen {
@@ -109,6 +110,18 @@ fn radii_that_cut_the_set_are_told() {
     let formula = |radius: &str| Formula::with("mandelbulb", &[("bounding_radius", radius)]).unwrap();
     assert!(formula("0.8").plan().warnings.iter().any(|w| w.contains("cuts the set")));
     assert_eq!(formula("1.5").plan().warnings, Vec::<String>::new());
+}
+
+#[test]
+fn rays_from_the_surface_of_a_large_ball_do_not_leap_over_the_set() {
+    let formula = Formula::open("tests/reach/far_parts.ron").unwrap();
+    let plan = formula.plan();
+    let (radius, method) = (plan.bounding_radius, plan.choices[0].method);
+    assert!(radius > 5.0 && plan.choices[0].form == DeForm::Logarithmic, "{radius}");
+    for direction in [[1.0, 0.0, 0.0], [0.0, 0.6, 0.8], [-0.36, 0.48, -0.8]] {
+        let estimate = formula.estimate(direction.map(|x| x * radius), method);
+        assert!(estimate <= 0.5 * radius, "{estimate} at {radius}");
+    }
 }
 
 #[test]

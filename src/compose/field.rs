@@ -17,6 +17,9 @@ use crate::graph::{
 };
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
 
+/// Extent from which on r ln r / 2 dr, which is half of r ln r for a power, says more than the distance to the set's middle.
+const OUTGROWN: f64 = 4.5;
+
 /// An orbit of the field, and where it stands.
 #[derive(Clone)]
 pub struct FieldOrbit {
@@ -338,7 +341,7 @@ impl<'g> FieldBuilder<'_, 'g> {
         let d = match self.choices[i].form {
             // How deep it is in an end shape is known.
             DeForm::End => leaf.inside.select(de, de.max(zero)),
-            _ => inside.select(zero, de),
+            _ => inside.select(zero, self.capped(de, frame, &self.choices[i])?),
         };
         // What is known at the point alone may not hold as far as it says where space is warped; proofs do.
         let mut way = frame.clone();
@@ -356,6 +359,19 @@ impl<'g> FieldBuilder<'_, 'g> {
         };
         let trap = shown(1);
         Ok(FieldValue { d, inside, gradient: shown(0), trap, albedo: self.albedo(trap), decider })
+    }
+
+    /// Of a large set that rays come to from far away: half the way to its middle is the most that an estimate says, since
+    /// r ln r / dr outgrows the distance there.
+    fn capped(&self, de: Expr<'g>, frame: &Frame, choice: &Choice) -> ComposeResult<Expr<'g>> {
+        let is_placed = frame.places().iter().all(|place| matches!(place, Place::Placed(_)));
+        let outgrows = choice.form == DeForm::Logarithmic && !choice.method.is_certified();
+        if !outgrows || choice.extent < OUTGROWN || !is_placed {
+            return Ok(de);
+        }
+        let half = (self.local(frame)?.xyz().length() * 0.5).max(de.lift(1.0)) * frame.scale();
+        // What is not a number stays so.
+        Ok(half.lt(de).select(half, de))
     }
 
     fn primitive(&self, node: NodeRef, primitive: &Primitive, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
