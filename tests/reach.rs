@@ -166,3 +166,11 @@ fn a_million_members_are_within() {
     println!("{} members of {} formulas, {} beyond", sum(|s| s.members), all.len(), sum(|s| s.beyond));
     assert_eq!(sum(|s| s.beyond), 0);
 }
+
+#[test]
+fn norms_of_start_points_say_nothing_where_orbits_start_elsewhere() {
+    // Every orbit starts at the origin and is only scaled down: all of space belongs to the set.
+    let text = "(nodes: { \"a\": scale(scale: 3) }, output: \"a\", constant: Off, start: (0, 0, 0), escape_radius: 4, max_iterations: 8)";
+    let plan = Formula::from_ron(text).unwrap().plan().clone();
+    assert_eq!(plan.reach, Reach::Endless, "{}", plan.bounding_radius);
+}

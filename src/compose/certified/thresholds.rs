@@ -47,12 +47,10 @@ const SMALLEST: f64 = 1e-3;
 /// that is not known, not even of the outermost shell.
 pub(in crate::compose) fn lost_from(composer: &Composer, orbit: &FieldOrbit, far: f64) -> ComposeResult<Option<f64>> {
     let (graph, settings) = (composer.graph, &orbit.settings);
-    // Norms tell of escape by length alone, and of orbits that start at the point.
-    if settings.escape != Escape::Length || settings.start.is_some() {
-        return Ok(None);
-    }
-    // Steps that remember return to what they were, and first maps say nothing of norms.
-    if !settings.pre.is_empty() || steps_of(composer, orbit.root).iter().any(|step| step.remembers()) {
+    // Steps that remember return to what they were, first maps say nothing of norms, and other starts and tests are not of the
+    // point's length.
+    let is_plain = settings.pre.is_empty() && settings.start.is_none() && settings.escape == Escape::Length;
+    if !is_plain || steps_of(composer, orbit.root).iter().any(|step| step.remembers()) {
         return Ok(None);
     }
     let limit = settings.max_iterations;
