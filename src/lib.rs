@@ -2,8 +2,8 @@
 //!
 //! The way of the data is the way of the modules; each imports only from those before it:
 //!
-//! 1. [`diag`], [`math`] and [`files`]: places in texts and messages about them; numbers and SIMD lanes; reading within limits
-//!    and writing whole or not at all. Used by all, use none.
+//! 1. [`diag`], [`math`], [`memory`] and [`files`]: places in texts and messages about them; numbers and SIMD lanes; what a thread
+//!    holds; reading within limits and writing whole or not at all. Used by all, use none.
 //! 2. [`expr`]: straight-line mathematics as a hash-consed graph, simplified and differentiated.
 //! 3. [`formula`]: step files, graph files and scripts, read into plain data; steps are *traced* into expressions.
 //! 4. [`graph`]: a fractal as nodes and wires, validated.
@@ -46,6 +46,7 @@ pub mod kernel;
 pub mod load;
 pub mod march;
 pub mod math;
+pub mod memory;
 pub mod precision;
 pub mod render;
 pub mod shade;

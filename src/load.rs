@@ -104,8 +104,8 @@ pub fn load_text(
 
 /// Whether a change makes a calibrated estimate of the file one of another picture.
 fn changes_the_view(change: &Override) -> bool {
-    let field = change.path.rsplit('.').next().unwrap_or_default();
-    !["estimate", "look"].contains(&field)
+    let parts = || change.path.split('.');
+    !parts().next().into_iter().chain(parts().next_back()).any(|part| ["estimate", "look"].contains(&part))
 }
 
 /// Reads a text file of at most 1 MiB, or a pipe; an error is pushed.

@@ -3,12 +3,13 @@
 mod cli;
 
 /// Tiles come and go by the thousand: an allocator that keeps its pages saves an eighth of a small picture's time.
+/// It counts, so that scripts stop where they hold too much.
 #[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+static ALLOCATOR: bulbfold::memory::Counted<mimalloc::MiMalloc> = bulbfold::memory::Counted(mimalloc::MiMalloc);
 
 fn main() -> std::process::ExitCode {
     silence_device_select();
-    cli::main()
+    bulbfold::memory::with_deep_stack(cli::main)
 }
 
 /// Leaves out Mesa's device selection layer where there is no Wayland: it would only complain on stderr, once for each

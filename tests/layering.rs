@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 /// Modules of the crate; each may import those before it. `film` (pictures) is below `render`, which joins everything.
 const ORDER: &[&str] = &[
     "math",
+    "memory",
     "diag",
     "files",
     "expr",

@@ -280,6 +280,11 @@ impl FormulaArgs {
         FormulaArgs { file: file.to_path_buf(), changes: ChangeArgs::default() }
     }
 
+    /// Takes out the changes that `takes` takes.
+    pub fn take_changes(&mut self, mut takes: impl FnMut(&str, &str) -> bool) {
+        self.changes.set.retain(|(path, value)| !takes(path, value));
+    }
+
     /// What is changed in the formula.
     pub fn changes(&self) -> Vec<(String, String)> {
         self.changes.changes()
@@ -292,7 +297,7 @@ pub struct ChangeArgs {
     /// Take the values of one of the file's presets; `bulbfold explain NAME` lists them
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
-    /// Replace a parameter, a field or a node's parameter, such as power=4 or bulb.power=4
+    /// Replace a parameter, a node's, or any part of the file, such as power=4, bulb.power=4 or look.fog=0.3
     #[arg(long, value_name = "PATH=VALUE", value_parser = parse_set)]
     set: Vec<(String, String)>,
 }

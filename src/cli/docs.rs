@@ -83,7 +83,8 @@ fn operators_page() -> String {
     let head = vec!["Name", "Arguments", "Result", "Continuous", "WGSL", "Meaning"];
     let scripts = "In scripts, arithmetic and comparisons are written `+`, `-`, `/`, `%` (mod), `==`, `!=`, `<`, `<=`, `>`, `>=`, the product \
                    and the power with one and two asterisks; the others are called by their names, such as `clamp(z, -1.0, 1.0)`. \
-                   `z.x`, `z.y`, `z.z` and `z.w` are components that can be read and set, `z.xyz` the first three. `PI` is a \
+                   `z.x`, `z.y`, `z.z` and `z.w` are components that can be read and set, and so are combinations of one to four of \
+                   them such as `z.xzy`; `z.xy` is a vector of two numbers, which combines with numbers and others of its kind. `PI` is a \
                    number. Beside the operators there are:";
     let functions = FUNCTIONS.iter().map(|(call, help)| vec![format!("`{call}`"), help.to_string()]);
     let blocks = [

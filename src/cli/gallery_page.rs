@@ -164,7 +164,7 @@ fn param_row(param: &FractalParam) -> String {
 /// Text as it stands in HTML, between tags and in quotes.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 16);
-    for c in text.chars() {
+    for c in bulbfold::diag::printable(text).chars() {
         match c {
             '&' => out.push_str("&amp;"),
             '<' => out.push_str("&lt;"),

@@ -14,6 +14,7 @@ mod calibration;
 #[cfg(feature = "chart")]
 mod chart;
 mod check;
+mod clean;
 mod compile;
 mod cost;
 mod docs;
@@ -145,9 +146,10 @@ impl From<io::Error> for Failure {
 
 /// An error message in the form of diagnostics, with help where there is any.
 pub fn message(text: &str, help: &str) -> String {
+    let text = bulbfold::diag::printable(text);
     match help {
         "" => format!("error: {text}"),
-        help => format!("error: {text}\nhelp: {help}"),
+        help => format!("error: {text}\nhelp: {}", bulbfold::diag::printable(help)),
     }
 }
 
@@ -158,10 +160,10 @@ pub fn usage(text: impl AsRef<str>, help: &str) -> Failure {
 
 /// Runs the program.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let mut cli = Cli::parse();
     bulbfold::files::clean_up_on_signals();
-    let mut out = BufWriter::new(io::stdout().lock());
-    let outcome = run(&cli, &mut out).and_then(|()| out.flush().map_err(Failure::from));
+    let mut out = clean::Clean::new(BufWriter::new(io::stdout().lock()));
+    let outcome = run(&mut cli, &mut out).and_then(|()| out.flush().map_err(Failure::from));
     let (text, code) = match outcome {
         Ok(()) | Err(Failure::ClosedPipe) => return ExitCode::SUCCESS,
         Err(Failure::Usage(text)) => (text, 2),
@@ -175,9 +177,9 @@ pub fn main() -> ExitCode {
     ExitCode::from(code)
 }
 
-fn run(cli: &Cli, out: &mut dyn Write) -> Outcome {
+fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
     let session = || Session::new(&cli.step_folders, cli.trust);
-    match &cli.command {
+    match &mut cli.command {
         Command::Render(arguments) => render::run(arguments, &mut session()?, out),
         Command::Compile(arguments) => compile::run(arguments, &mut session()?, out),
         Command::Test(arguments) => test::run(arguments, &mut session()?, out),

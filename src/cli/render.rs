@@ -214,6 +214,19 @@ impl CameraArgs {
         self.camera.is_none() && self.target.is_none() && self.up.is_none() && self.fov.is_none() && self.turn.is_none()
     }
 
+    /// Takes a change of a file's camera, which then need not have one. An option of the same meaning wins.
+    fn takes(&mut self, path: &str, value: &str) -> bool {
+        let inner = value.strip_prefix('(').and_then(|text| text.strip_suffix(')')).unwrap_or(value);
+        let vector = |known: &mut Option<[f64; 3]>| parse_vector(inner).map(|new| *known = known.or(Some(new))).is_ok();
+        match path {
+            "camera.position" => vector(&mut self.camera),
+            "camera.target" => vector(&mut self.target),
+            "camera.up" => vector(&mut self.up),
+            "camera.fov" => parse_fov(value).map(|new| self.fov = self.fov.or(Some(new))).is_ok(),
+            _ => false,
+        }
+    }
+
     /// `base` with what was given in its place.
     fn apply(&self, base: Camera) -> Result<Camera, Failure> {
         let mut camera = Camera {
@@ -235,8 +248,11 @@ impl CameraArgs {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    if let Some(frames) = arguments.sweep.frames {
+pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
+    let camera = &mut arguments.camera;
+    arguments.formula.take_changes(|path, value| camera.takes(path, value));
+    let arguments = &*arguments;
+    if let Some(frames) = arguments.sweep.frames()? {
         return sweep::run(arguments, &arguments.sweep, frames, session, out);
     }
     let output = output_path(arguments);

@@ -130,5 +130,5 @@ fn collect(path: &Path, files: &mut Vec<PathBuf>) {
 
 /// Says something on stderr.
 pub fn talk(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(std::io::stderr(), "{}", bulbfold::diag::printable(text));
 }

@@ -33,15 +33,15 @@ use super::{Failure, Outcome, Session, usage};
 /// What makes a picture an animation.
 #[derive(Args, Default, Debug)]
 pub struct SweepArgs {
-    /// Move a parameter (NAME or NODE.NAME) from frame to frame, or the view: camera, target, up, fov, or turn (degrees
-    /// around the target); vectors are X,Y,Z..X,Y,Z. May be given several times
-    #[arg(long = "sweep", value_name = "NAME=FROM..TO", allow_hyphen_values = true, requires = "frames")]
+    /// Move what --set sets from frame to frame, or the view: camera, target, up, fov, or turn (degrees around the target);
+    /// vectors are X,Y,Z..X,Y,Z. Or a list with a value for each frame, such as seed=3,7,18. May be given several times
+    #[arg(long = "sweep", value_name = "NAME=FROM..TO", allow_hyphen_values = true)]
     ranges: Vec<Range>,
-    /// Number of frames; -o is then a name with a place for the frame's number, such as frame_%04d.png
+    /// Number of frames, that of the values where there is a list; -o is then a name with a place for the frame's number, such as frame_%04d.png
     #[arg(long, value_name = "N", requires = "ranges", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub frames: Option<u32>,
+    frames: Option<u32>,
     /// Keep the frames that an earlier run of the same settings has made; all others are named and rendered again
-    #[arg(long, requires = "frames")]
+    #[arg(long, requires = "ranges")]
     resume: bool,
 }
 
@@ -49,6 +49,28 @@ pub struct SweepArgs {
 const VIEW: [&str; 5] = ["camera", "target", "up", "fov", "turn"];
 
 impl SweepArgs {
+    /// How many frames there are; none where a single picture is asked for.
+    pub fn frames(&self) -> Result<Option<u32>, Failure> {
+        let Some(first) = self.ranges.first() else { return Ok(None) };
+        let listed = self.ranges.iter().find_map(|range| Some((range.name.as_str(), range.frames()?)));
+        let frames = match (self.frames, listed) {
+            (Some(frames), _) => frames as usize,
+            (None, Some((_, count))) => count,
+            (None, None) => {
+                let text = format!("the sweep of `{}` does not say how many frames there are", first.name);
+                return Err(usage(text, "give their number: --frames 48"));
+            }
+        };
+        let odd = self.ranges.iter().find_map(|range| Some((&range.name, range.frames().filter(|n| *n != frames)?)));
+        match odd {
+            None => Ok(Some(frames as u32)),
+            Some((name, count)) => {
+                let text = format!("the sweep of `{name}` lists {count} values for {frames} frames");
+                Err(usage(text, "list a value for each frame, or leave out --frames"))
+            }
+        }
+    }
+
     /// True when all frames show the same set, which then is measured once.
     fn moves_the_view_alone(&self) -> bool {
         self.ranges.iter().all(|range| VIEW.contains(&range.name.as_str()))
@@ -136,19 +158,18 @@ fn graphs(
     let (mut base, mut is_own) = (None, true);
     let settings = arguments.settings(PrecisionArg::F32);
     for frame in 0..frames {
-        let share = if frames > 1 { f64::from(frame) / f64::from(frames - 1) } else { 0.0 };
         let (mut set, mut camera) = (arguments.formula.changes(), arguments.camera);
         let mut turn = None;
         for range in &sweep.ranges {
-            let value = range.at(share);
-            let vector = || <[f64; 3]>::try_from(value.clone()).ok();
+            let value = || range.numbers(frame, frames);
+            let vector = || <[f64; 3]>::try_from(value()).ok();
             match range.name.as_str() {
                 "camera" => camera.camera = vector(),
                 "target" => camera.target = vector(),
                 "up" => camera.up = vector(),
-                "fov" => camera.fov = Some(value[0]),
-                "turn" => turn = Some(value[0].to_radians()),
-                name => set.push((name.to_string(), Range::ron(&value))),
+                "fov" => camera.fov = value().first().copied(),
+                "turn" => turn = value().first().map(|degrees| degrees.to_radians()),
+                name => set.push((name.to_string(), range.ron(frame, frames))),
             }
         }
         let file = &arguments.formula.file;

@@ -351,7 +351,11 @@ fn reach_of(
 /// True where a field is made of primitives and their unions alone, so that its size is known.
 fn is_made_of_primitives(composer: &Composer) -> bool {
     let mut open = vec![composer.graph.output];
+    let mut seen = vec![false; composer.graph.nodes.len()];
     while let Some(node) = open.pop() {
+        if std::mem::replace(&mut seen[node.0], true) {
+            continue;
+        }
         match &composer.graph.node(node).kind {
             NodeKind::Primitive(_) => {}
             NodeKind::Union(of) => open.extend(of),

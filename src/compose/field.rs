@@ -97,9 +97,12 @@ pub fn deciders(composer: &Composer, choices: &[Choice]) -> Vec<Decider> {
 fn field_primitives(composer: &Composer) -> Vec<NodeRef> {
     let mut open = vec![composer.graph.output];
     let mut found = Vec::new();
+    let mut seen = vec![false; composer.graph.nodes.len()];
     while let Some(node) = open.pop() {
+        if std::mem::replace(&mut seen[node.0], true) {
+            continue;
+        }
         match &composer.graph.node(node).kind {
-            NodeKind::Primitive(_) | NodeKind::Shape { .. } if found.contains(&node) => {}
             NodeKind::Primitive(_) | NodeKind::Shape { .. } => found.push(node),
             NodeKind::Orbit { .. } => {}
             NodeKind::Transform { of, .. } | NodeKind::Warp { of, .. } => open.push(*of),

@@ -23,6 +23,7 @@ mod render;
 mod source;
 
 pub use nearest::nearest;
+pub use render::printable;
 pub use source::{SourceId, Sources, Span};
 
 /// How bad the thing is that a [`Diagnostic`] tells of.

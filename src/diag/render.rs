@@ -232,7 +232,7 @@ fn message(text: &str) -> String {
 /// Replaces control and text direction characters, one for one, so that columns stay right.
 ///
 /// Tabs stay (annotate-snippets widens them), and newlines, which no source line has.
-fn printable(text: &str) -> Cow<'_, str> {
+pub fn printable(text: &str) -> Cow<'_, str> {
     let replacement = |c: char| match c {
         '\t' | '\n' => c,
         '\0'..='\u{1f}' => char::from_u32(0x2400 + u32::from(c)).unwrap_or('\u{fffd}'),

@@ -18,6 +18,7 @@ mod arena;
 pub mod differentiate;
 pub mod enclose;
 mod function;
+mod functions;
 mod linear;
 pub mod notation;
 pub mod ops;

@@ -69,7 +69,15 @@ impl Library {
     }
 
     fn add_step(&mut self, name: &str, id: SourceId, diagnostics: &mut Diagnostics) {
-        match Step::read(&self.engine, &self.sources, id, name, diagnostics) {
+        let mut own = Diagnostics::default();
+        let step = Step::read(&self.engine, &self.sources, id, name, &mut own);
+        let unknown = Step::unknown_names(&self.engine, &self.sources, id, step.as_ref());
+        let step = step.filter(|_| unknown.is_empty());
+        // What stops the description is told once, and in the better words.
+        let is_new = |found: &Diagnostic| unknown.iter().all(|known| known.span() != found.span());
+        diagnostics.extend(own.into_iter().filter(is_new).collect::<Vec<_>>());
+        diagnostics.extend(unknown);
+        match step {
             Some(step) => {
                 self.broken.remove(name);
                 self.steps.insert(name.to_string(), Entry { text: id, step: OnceCell::from(Rc::new(step)) });

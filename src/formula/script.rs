@@ -1,49 +1,76 @@
 //! The Rhai engine as formulas use it: limits, and errors turned into messages with a place.
 
+use std::cell::OnceCell;
+use std::collections::HashSet;
 use std::rc::Rc;
 
-use rhai::{AST, Dynamic, Engine, EvalAltResult, ParseError, Position, Scope};
+use rhai::packages::Package;
+use rhai::{AST, Dynamic, Engine, EvalAltResult, OptimizationLevel, ParseError, ParseErrorType, Position, Scope};
 
-use super::symbolic::{self, FUNCTIONS, SYMBOL_NAME, Symbol, Tracer};
+use super::symbolic::{self, Tracer};
 use super::value::{Name, Value, ValueKind};
 use crate::diag::{Diagnostic, SourceId, Sources, Span};
-use crate::expr::ops::Operator;
+
+mod limits;
+mod names;
+mod places;
+pub(super) mod words;
+
+pub use places::{Places, Spot};
+pub use words::{is_reserved, reserved, type_name};
 
 /// Operations that one script may execute.
 const MAX_OPERATIONS: u64 = 2_000_000;
 /// How deep functions of a script may call each other.
 const MAX_CALL_LEVELS: usize = 32;
+/// Characters of one text of a script, or of all texts in one list.
+const MAX_TEXT: usize = 100_000;
+/// Items of one list, with those of the lists in it.
+const MAX_ITEMS: usize = 10_000;
+/// Fields of one `#{ ... }`, with those inside.
+const MAX_FIELDS: usize = 1_000;
+/// Variables that a script, or one of its functions, may have at a time.
+const MAX_VARIABLES: usize = 1_000;
+/// Values beside variables.
+const VALUES: [&str; 1] = ["PI"];
 
 /// A Rhai engine with the symbolic type, and the tracer that its functions report to.
 pub struct ScriptEngine {
     engine: Engine,
     /// Where nodes and positions go.
     pub tracer: Rc<Tracer>,
+    meter: Rc<limits::Meter>,
+    /// Names of all functions, collected when they are first asked for.
+    functions: OnceCell<HashSet<String>>,
 }
 
 impl ScriptEngine {
     /// An engine for step files and parameter expressions.
     pub fn new() -> ScriptEngine {
-        let mut engine = Engine::new();
+        let mut engine = Engine::new_raw();
+        register_packages(&mut engine);
         engine
             .set_fast_operators(false)
             .set_fail_on_invalid_map_property(true)
+            // Literals that are folded into values would lose the places of their parts.
+            .set_optimization_level(OptimizationLevel::None)
             .set_max_operations(MAX_OPERATIONS)
             .set_max_call_levels(MAX_CALL_LEVELS)
             .set_max_expr_depths(64, 48)
-            .set_max_string_size(100_000)
-            .set_max_array_size(10_000)
-            .set_max_map_size(1_000)
+            .set_max_string_size(MAX_TEXT)
+            .set_max_array_size(MAX_ITEMS)
+            .set_max_map_size(MAX_FIELDS)
+            .set_max_variables(MAX_VARIABLES)
             .set_max_functions(200)
             .set_max_modules(0);
         engine.disable_symbol("switch").disable_symbol("eval").disable_symbol("import");
-        engine.on_print(|_| {}).on_debug(|_, _, _| {});
         let mut constants = rhai::Module::new();
         constants.set_var("PI", std::f64::consts::PI);
         engine.register_global_module(constants.into());
         let tracer = Rc::new(Tracer::default());
         symbolic::register(&mut engine, &tracer);
-        ScriptEngine { engine, tracer }
+        let meter = limits::Meter::of(&mut engine);
+        ScriptEngine { engine, tracer, meter, functions: OnceCell::new() }
     }
 
     /// The engine, to register more.
@@ -62,6 +89,7 @@ impl ScriptEngine {
 
     /// Runs a script's own statements and returns the value of the last one.
     pub fn run(&self, sources: &Sources, id: SourceId, ast: &AST, scope: &mut Scope) -> Result<Dynamic, Diagnostic> {
+        self.meter.start();
         self.engine
             .eval_ast_with_scope::<Dynamic>(scope, ast)
             .map_err(|error| self.runtime_error(sources, id, ast, "", &error))
@@ -76,15 +104,62 @@ impl ScriptEngine {
         name: &str,
         args: Vec<Dynamic>,
     ) -> Result<Dynamic, Diagnostic> {
+        self.meter.start();
         let options = rhai::CallFnOptions::new().eval_ast(false);
-        self.engine
-            .call_fn_with_options::<Dynamic>(options, &mut base_scope(), ast, name, args)
-            .map_err(|error| self.runtime_error(sources, id, ast, name, &error))
+        let result = self.engine.call_fn_with_options::<Dynamic>(options, &mut base_scope(), ast, name, args);
+        self.meter.finish();
+        result.map_err(|error| self.runtime_error(sources, id, ast, name, &error))
     }
 
-    /// Evaluates an expression with the given variables. The error is a plain sentence.
-    pub fn expression(&self, text: &str, scope: &mut Scope) -> Result<Dynamic, String> {
-        self.engine.eval_expression_with_scope::<Dynamic>(scope, text).map_err(|error| plain(&error))
+    /// Evaluates an expression with the given variables.
+    pub fn expression(&self, text: &str, scope: &mut Scope) -> Result<Dynamic, BadExpression> {
+        self.meter.start();
+        self.engine.eval_expression_with_scope::<Dynamic>(scope, text).map_err(|error| BadExpression::of(&error))
+    }
+
+    /// Everything that a script names and that means nothing. `values` are names that it may use beside its own,
+    /// `constructors` functions to suggest beside those of step scripts, `params` the parameters of a step.
+    pub fn unknown_names(
+        &self,
+        (sources, id): (&Sources, SourceId),
+        ast: &AST,
+        (values, constructors): (&[&str], &[&str]),
+        params: Option<&[&str]>,
+    ) -> Vec<Diagnostic> {
+        let functions = self.functions.get_or_init(|| {
+            self.engine.collect_fn_metadata(None, |f| Some(f.metadata.name.to_string()), true).into_iter().collect()
+        });
+        let values: Vec<&str> = values.iter().chain(&VALUES).copied().collect();
+        let unknown = names::unknown_names(ast, &names::Known { functions, values: &values, params });
+        let traced = self.tracer.functions();
+        let message = |found: &names::Unknown| {
+            let near = || found.near.iter().map(String::as_str);
+            let label = |text: String| Diagnostic::error(text).label(span_of(sources, id, found.position), "");
+            let name = &found.name;
+            match found.kind {
+                names::UnknownKind::Function => {
+                    let known = traced.iter().copied().chain(constructors.iter().copied()).chain(near());
+                    words::suggest_function(label(format!("there is no function `{name}`")), name, known)
+                }
+                names::UnknownKind::Variable => {
+                    label(format!("there is no variable `{name}`")).did_you_mean(name, near())
+                }
+                names::UnknownKind::Parameter => {
+                    let list: Vec<&str> = near().collect();
+                    let unknown = label(format!("the step has no parameter `{name}`")).did_you_mean(name, near());
+                    match (unknown.help.is_empty(), list.is_empty()) {
+                        (true, false) => unknown.help(format!("its parameters are: {}", list.join(", "))),
+                        (true, true) => unknown.help("it has none: list it in `params`"),
+                        _ => unknown,
+                    }
+                }
+                names::UnknownKind::Component => {
+                    let help = "components are x, y, z and w, and combinations of them such as z.xzy";
+                    label(format!("a vector has no component `{name}`")).help(help)
+                }
+            }
+        };
+        unknown.iter().map(message).collect()
     }
 
     /// The message for an error; `function` was called from outside, or it is empty.
@@ -100,7 +175,7 @@ impl ScriptEngine {
         while let EvalAltResult::ErrorInFunctionCall(name, _, cause, _) = inner {
             (inner, function) = (cause, name);
         }
-        let diagnostic = Diagnostic::error(plain(inner));
+        let diagnostic = Diagnostic::error(words::plain(inner));
         match inner {
             EvalAltResult::ErrorTooManyOperations(_) => {
                 let label = if function.is_empty() { "in this script" } else { "while this function ran" };
@@ -132,25 +207,88 @@ impl ScriptEngine {
 
     /// Adds what to do about the error.
     fn with_help(&self, diagnostic: Diagnostic, ast: &AST, error: &EvalAltResult) -> Diagnostic {
-        if is_symbolic_condition(error) {
+        if words::is_symbolic_condition(error) {
             return diagnostic.help("use `select(condition, a, b)`, and `and(a, b)`, `or(a, b)`, `not(a)`");
         }
         let EvalAltResult::ErrorFunctionNotFound(signature, _) = error else {
             return diagnostic;
         };
-        let name = signature.split([' ', '(']).next().unwrap_or_default();
-        if let Some(operator) = Operator::ALL.iter().map(|operator| operator.info()).find(|info| info.name == name) {
-            return diagnostic.help(format!("`{name}` takes {} argument{}", operator.arity, plural(operator.arity)));
+        let name = words::called(signature);
+        if let Some(call) = words::call_of(name) {
+            return diagnostic.help(call);
         }
-        if let Some((call, _)) = FUNCTIONS.iter().find(|(call, _)| call.split('(').next() == Some(name)) {
-            return diagnostic.help(format!("write `{call}`"));
-        }
-        let known = self.tracer.functions();
-        let own = ast.iter_functions().map(|f| f.name);
         if ast.iter_functions().any(|f| f.name == name) {
             return diagnostic.help(format!("there is a `{name}`, but it takes other arguments"));
         }
-        diagnostic.did_you_mean(name, known.iter().copied().chain(own))
+        match name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
+            true => {
+                let known = self.tracer.functions();
+                let own = ast.iter_functions().map(|f| f.name);
+                words::suggest_function(diagnostic, name, known.iter().copied().chain(own))
+            }
+            false => diagnostic,
+        }
+    }
+}
+
+/// What scripts can do beside formulas: lists, texts and plain numbers, but no clock and no sleep, which the script language
+/// has among its first package.
+fn register_packages(engine: &mut Engine) {
+    use rhai::packages as p;
+    let modules = [
+        p::ArithmeticPackage::new().as_shared_module(),
+        p::BasicStringPackage::new().as_shared_module(),
+        p::BasicIteratorPackage::new().as_shared_module(),
+        p::BasicFnPackage::new().as_shared_module(),
+        p::BitFieldPackage::new().as_shared_module(),
+        p::LogicPackage::new().as_shared_module(),
+        p::BasicMathPackage::new().as_shared_module(),
+        p::BasicArrayPackage::new().as_shared_module(),
+        p::BasicMapPackage::new().as_shared_module(),
+        p::MoreStringPackage::new().as_shared_module(),
+    ];
+    for module in modules {
+        engine.register_global_module(module);
+    }
+}
+
+/// Why an expression has no value.
+#[derive(Debug)]
+pub struct BadExpression {
+    /// A plain sentence.
+    pub message: String,
+    /// The variable that there is not, where that is why.
+    pub variable: Option<String>,
+    /// What to do, where the sentence does not say it.
+    pub help: Vec<String>,
+}
+
+impl BadExpression {
+    fn of(error: &EvalAltResult) -> BadExpression {
+        let mut inner = error;
+        while let EvalAltResult::ErrorInFunctionCall(_, _, cause, _) = inner {
+            inner = cause;
+        }
+        let diagnostic = Diagnostic::error(words::plain(inner));
+        let variable = match inner {
+            EvalAltResult::ErrorVariableNotFound(name, _) => Some(name.clone()),
+            _ => None,
+        };
+        let diagnostic = match inner {
+            EvalAltResult::ErrorFunctionNotFound(signature, _) => {
+                let name = words::called(signature);
+                match words::call_of(name) {
+                    Some(call) => diagnostic.help(call),
+                    None => words::suggest_function(
+                        diagnostic,
+                        name,
+                        symbolic::FUNCTIONS.iter().filter_map(|f| f.0.split('(').next()),
+                    ),
+                }
+            }
+            _ => diagnostic,
+        };
+        BadExpression { message: diagnostic.message, variable, help: diagnostic.help }
     }
 }
 
@@ -178,8 +316,12 @@ fn function_span(sources: &Sources, id: SourceId, name: &str) -> Span {
     }
 }
 
-fn plural(count: usize) -> &'static str {
-    if count == 1 { "" } else { "s" }
+/// Place of what a function returns; of its head where that is not known.
+pub fn returned_span(sources: &Sources, id: SourceId, ast: &AST, function: &str) -> Span {
+    match names::last_statement(ast, function) {
+        Some(position) => span_of(sources, id, position),
+        None => function_span(sources, id, function),
+    }
 }
 
 /// Place where a function of the script calls itself, found in its text.
@@ -196,41 +338,45 @@ fn self_call(sources: &Sources, id: SourceId, ast: &AST) -> Option<Span> {
 }
 
 fn parse_error(sources: &Sources, id: SourceId, error: &ParseError) -> Diagnostic {
-    let text = error.err_type().to_string();
-    let diagnostic = Diagnostic::error(text.clone()).label(span_of(sources, id, error.position()), "");
-    match text.contains("'switch'") {
-        true => diagnostic
-            .help("`switch` is not available in formulas: use `if` on known values, `select` on symbolic ones"),
-        false => diagnostic,
+    let span = span_of(sources, id, error.position());
+    if let Some((span, word)) = misplaced_word(sources, id, error) {
+        let diagnostic = Diagnostic::error(words::reserved(word)).label(span, "");
+        let is_key = sources.text(id)[span.range().end..].trim_start().starts_with(':');
+        return match (word, is_key) {
+            ("switch", _) => Diagnostic::error("`switch` is not available in formulas")
+                .label(span, "")
+                .help("use `if` on known values, `select` on those of the orbit"),
+            (_, true) => diagnostic.help(format!("as the name of a field it stands in quotes: \"{word}\": ...")),
+            _ => diagnostic.help("choose another name"),
+        };
     }
+    Diagnostic::error(words::parse_message(error.err_type())).label(span, "")
 }
 
-fn is_symbolic_condition(error: &EvalAltResult) -> bool {
-    // Conditions are reported with the Rust name of the type, other mismatches with the registered one.
-    let rust_name = std::any::type_name::<Symbol>();
-    matches!(error, EvalAltResult::ErrorMismatchDataType(_, actual, _) if actual == SYMBOL_NAME || actual == rust_name)
-}
-
-/// An engine error as a sentence without its position.
-fn plain(error: &EvalAltResult) -> String {
-    if is_symbolic_condition(error) {
-        return "a value that is known only while rendering cannot decide what the script does".into();
-    }
-    match error {
-        EvalAltResult::ErrorRuntime(value, _) => value.to_string(),
-        EvalAltResult::ErrorTooManyOperations(_) => {
-            format!("the script runs more than {MAX_OPERATIONS} operations")
-        }
-        EvalAltResult::ErrorStackOverflow(_) => "the script calls itself without end".into(),
-        EvalAltResult::ErrorParsing(kind, _) => kind.to_string(),
-        other => {
-            let text = other.to_string();
-            match text.rfind(" (line ") {
-                Some(at) => text[..at].to_string(),
-                None => text,
-            }
-        }
-    }
+/// The word of the script language that stands where a name belongs, if that is what is wrong.
+fn misplaced_word<'a>(sources: &'a Sources, id: SourceId, error: &ParseError) -> Option<(Span, &'a str)> {
+    use ParseErrorType as P;
+    let is_asked = matches!(
+        error.err_type(),
+        P::Reserved(_)
+            | P::VariableExpected
+            | P::PropertyExpected
+            | P::MissingToken(..)
+            | P::BadInput(_)
+            | P::FnMissingName
+    );
+    let (text, at) = (sources.text(id), span_of(sources, id, error.position()).range().start);
+    let is_letter = |c: char| c.is_alphanumeric() || c == '_';
+    // At the place itself, or just before where something is missing behind it.
+    let here = text[at..].find(|c| !is_letter(c)).map_or(text.len(), |end| at + end);
+    let before = text[..at].trim_end();
+    let start = before.rfind(|c| !is_letter(c)).map_or(0, |i| i + before[i..].chars().next().map_or(1, char::len_utf8));
+    let places = match error.err_type() {
+        P::MissingToken(..) => vec![at..here, start..before.len()],
+        _ => vec![at..here],
+    };
+    let found = places.into_iter().find(|range| words::is_keyword(&text[range.clone()]))?;
+    is_asked.then(|| (Span::new(id, found.start, found.end), &text[found]))
 }
 
 /// A boolean, number or string of a script; nothing for values that hold others.
@@ -244,21 +390,19 @@ pub fn plain_kind(value: &Dynamic) -> Option<ValueKind> {
     value.read_lock::<rhai::ImmutableString>().map(|text| ValueKind::Str(text.to_string()))
 }
 
-/// A script's value as a value tree, the form in which RON files arrive too. `span` stands for all of it; fields found
-/// in the text get their own place.
-pub fn to_value(value: &Dynamic, span: &dyn Fn(Option<&str>) -> Span) -> Value {
+/// A script's value as a value tree, the form in which RON files arrive too.
+pub fn to_value(value: &Dynamic, spot: &Spot) -> Value {
     let kind = if value.is_unit() {
         ValueKind::Unit
     } else if let Some(kind) = plain_kind(value) {
         kind
     } else if let Some(items) = value.read_lock::<rhai::Array>() {
-        ValueKind::List(items.iter().map(|item| to_value(item, span)).collect())
+        ValueKind::List(items.iter().enumerate().map(|(i, item)| to_value(item, &spot.item(i))).collect())
     } else if let Some(map) = value.read_lock::<rhai::Map>() {
         let mut fields = Vec::new();
         for (key, item) in map.iter() {
-            let key = key.as_str();
-            let inner = |name: Option<&str>| span(name.or(Some(key)));
-            fields.push((Name::new(span(Some(key)), key), to_value(item, &inner)));
+            let (name, inner) = spot.field(key.as_str());
+            fields.push((Name::new(name, key.as_str()), to_value(item, &inner)));
         }
         ValueKind::Struct { name: None, fields }
     } else if let Some(node) = value.read_lock::<Value>() {
@@ -266,5 +410,5 @@ pub fn to_value(value: &Dynamic, span: &dyn Fn(Option<&str>) -> Span) -> Value {
     } else {
         ValueKind::Invalid
     };
-    Value { span: span(None), kind }
+    Value { span: spot.span(), kind }
 }

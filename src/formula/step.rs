@@ -9,7 +9,7 @@ use std::rc::Rc;
 
 use rhai::{AST, Dynamic, Map};
 
-use super::script::{ScriptEngine, base_scope, to_value};
+use super::script::{Places, ScriptEngine, Spot, base_scope, returned_span, to_value, type_name};
 use super::shape::ShapeDistance;
 use super::symbolic::{Symbol, to_dynamic};
 use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
@@ -189,10 +189,21 @@ impl Step {
                 return None;
             }
         };
-        let start = sources.text(text).rfind("\n#{").map_or(0, |at| at + 1);
-        let place = |field: Option<&str>| read::description_span(sources, text, start, field);
-        let description = to_value(&description, &place);
+        let places = Places::of(&ast);
+        let description = to_value(&description, &Spot::Own { place: places.result(), sources, text });
         read::decode_step(name, text, ast, &description, diagnostics)
+    }
+
+    /// Everything that a step's text names and that means nothing; `step` is what could be read of it.
+    pub(super) fn unknown_names(
+        engine: &ScriptEngine,
+        sources: &Sources,
+        text: SourceId,
+        step: Option<&Step>,
+    ) -> Vec<Diagnostic> {
+        let Ok(ast) = engine.compile(sources, text) else { return Vec::new() };
+        let params: Option<Vec<&str>> = step.map(|step| step.params.iter().map(|p| p.name.as_str()).collect());
+        engine.unknown_names((sources, text), &ast, (&[], &[]), params.as_deref())
     }
 
     /// The parameter of this name.
@@ -279,15 +290,19 @@ impl Step {
         function: &str,
     ) -> Result<Expr<'g>, Diagnostic> {
         let found = match (value.read_lock::<Symbol>(), value.as_float(), value.as_int()) {
-            (Some(symbol), _, _) if symbol.expr().ty() == expected => return Ok(arena.expr(symbol.expr().id)),
+            (Some(symbol), _, _) => match symbol.expr_of(expected) {
+                Some(expr) => return Ok(arena.expr(expr.id)),
+                None => symbol.type_name(),
+            },
             (None, Ok(x), _) if expected == Type::F => return Ok(arena.f(x)),
             (None, _, Ok(x)) if expected == Type::F => return Ok(arena.f(x as f64)),
-            (Some(symbol), _, _) => symbol.expr().ty().to_string(),
-            _ => value.type_name().to_string(),
+            _ => type_name(value.type_name()),
         };
-        let at = sources.text(self.text).find(&format!("fn {function}")).unwrap_or(0);
-        Err(Diagnostic::error(format!("`{function}` must return a {expected}, but returns a {found}"))
-            .label(Span::new(self.text, at, at + 3 + function.len()), format!("in step `{}`", self.name))
+        let found = if found == "nothing" { found } else { format!("a {found}") };
+        let message = format!("`{function}` must return a {expected}, but returns {found}");
+        let span = returned_span(sources, self.text, &self.ast, function);
+        Err(Diagnostic::error(message)
+            .label(span, format!("in step `{}`", self.name))
             .help("the last expression of a function, without a semicolon, is what it returns"))
     }
 }

@@ -4,6 +4,7 @@
 //! parameter in its range, there is no cycle, maps and distance fields stand where they belong. Whatever takes a
 //! `ValidGraph` need not fail for the user's mistakes any more (but for errors inside a step's own script).
 
+mod budget;
 pub(crate) mod escape;
 mod fields;
 mod look;

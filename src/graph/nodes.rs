@@ -7,6 +7,7 @@ use super::{
 };
 use crate::diag::Diagnostic;
 use crate::formula::decode::{Fields, wrong_type};
+use crate::formula::script::{Spot, to_value};
 use crate::formula::step::{ParamKind, ParamValue, StepParam, decode_param, unknown_param};
 use crate::formula::value::{Name, Value, ValueKind};
 
@@ -105,12 +106,9 @@ impl Reader<'_> {
                     scope.push_constant("n", 0.0);
                 }
                 match self.library.engine.expression(text, &mut scope) {
-                    Ok(result) => {
-                        let span = value.span;
-                        crate::formula::script::to_value(&result, &|_| span)
-                    }
-                    Err(message) => {
-                        self.bad_expression(&message, value.span);
+                    Ok(result) => to_value(&result, &Spot::One(value.span)),
+                    Err(error) => {
+                        self.bad_expression(error, value.span);
                         return None;
                     }
                 }

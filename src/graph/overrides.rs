@@ -8,7 +8,8 @@ use std::collections::HashMap;
 use crate::diag::{Diagnostic, Diagnostics, Span};
 use crate::formula::value::{Name, Value, ValueKind};
 
-/// A value that the command line puts in the place of a file's: `parameter`, `field` or `node.parameter`.
+/// A value that the command line puts in the place of a file's: `parameter`, `field`, `node.parameter`, or a path of any
+/// length into the file, such as `look.fog`, `camera.position.x` or `nodes.turn.axis`.
 #[derive(Clone, Debug)]
 pub struct Override {
     /// What to replace.
@@ -26,6 +27,9 @@ const FIELDS: &[&str] = &[
     "year",
     "source",
     "output",
+    "end",
+    "pre",
+    "post",
     "constant",
     "start",
     "escape",
@@ -39,6 +43,9 @@ const FIELDS: &[&str] = &[
     "cuts",
     "look",
 ];
+
+/// Fields whose parts alone an override may set.
+const TABLES: &[&str] = &["nodes", "params", "presets", "tests"];
 
 fn unknown_override(path: &str, span: Span, params: &[String]) -> Diagnostic {
     let names = params.iter().map(String::as_str).chain(FIELDS.iter().copied());
@@ -85,45 +92,110 @@ pub(super) fn apply_override(
             }
             _ => d.push(unknown_override(&change.path, change.value.span, &names_of(root, "params"))),
         },
-        Some((node, parameter)) => {
+        Some((head, rest)) => {
+            let parts: Vec<&str> = rest.split('.').collect();
+            if head == "params" && parts.len() == 1 && names_of(root, "params").contains(&parts[0].to_string()) {
+                params.insert(parts[0].to_string(), change.value.clone());
+                return;
+            }
             let known = names_of(root, "nodes");
-            let target = find(root, "nodes").and_then(|i| entry_mut(&mut root[i].1, node));
-            let Some(target) = target else {
-                let mut diagnostic = Diagnostic::error(format!("there is no node `{node}`"))
-                    .label(change.value.span, "cannot be set")
-                    .did_you_mean(node, known.iter().map(String::as_str));
-                if diagnostic.help.is_empty() && !known.is_empty() {
-                    diagnostic = diagnostic.help(format!("the nodes are: {}", known.join(", ")));
-                }
-                d.push(diagnostic);
+            let set = if known.iter().any(|name| name == head) {
+                let nodes = find(root, "nodes").and_then(|i| entry_mut(&mut root[i].1, head));
+                nodes.map_or(Ok(()), |node| set_part(node, &parts, &change.value))
+            } else if let Some(i) = find(root, head) {
+                set_part(&mut root[i].1, &parts, &change.value)
+            } else if FIELDS.contains(&head) {
+                let mut value = Value::new(change.value.span, ValueKind::Unit);
+                let set = set_part(&mut value, &parts, &change.value);
+                root.push((Name::new(change.value.span, head), value));
+                set
+            } else {
+                d.push(unknown_head(head, change.value.span, &known));
                 return;
             };
-            set_field(target, parameter, change, d);
+            if let Err(wrong) = set {
+                let diagnostic = Diagnostic::error(format!("`{}` cannot be set: {}", change.path, wrong.why));
+                d.push(diagnostic.label(change.value.span, "").help(wrong.help));
+            }
         }
     }
 }
 
-fn set_field(target: &mut Value, parameter: &str, change: &Override, d: &mut Diagnostics) {
-    if let ValueKind::Tuple { name, items } = &target.kind
-        && items.is_empty()
-    {
-        target.kind = ValueKind::Struct { name: name.clone(), fields: Vec::new() };
+/// The message for a path whose first part is neither a node nor a field.
+fn unknown_head(head: &str, span: Span, nodes: &[String]) -> Diagnostic {
+    let names = nodes.iter().map(String::as_str).chain(FIELDS.iter().chain(TABLES).copied());
+    let diagnostic = Diagnostic::error(format!("there is no node `{head}`, and no field of this name"))
+        .label(span, "cannot be set")
+        .did_you_mean(head, names);
+    match diagnostic.help.is_empty() && !nodes.is_empty() {
+        true => diagnostic.help(format!("the nodes are: {}", nodes.join(", "))),
+        false => diagnostic,
     }
-    if let ValueKind::Variant(name) = &target.kind {
-        target.kind = ValueKind::Struct { name: Some(name.clone()), fields: Vec::new() };
+}
+
+/// Why a part cannot be set.
+struct Wrong {
+    why: String,
+    help: String,
+}
+
+/// Sets the part of a value that a path leads to; fields that are not there are added.
+fn set_part(target: &mut Value, path: &[&str], new: &Value) -> Result<(), Wrong> {
+    let Some((first, rest)) = path.split_first() else {
+        *target = new.clone();
+        return Ok(());
+    };
+    let name = target.name().cloned();
+    match &mut target.kind {
+        // What has no parts yet: a node without parameters, a field that the file leaves out.
+        ValueKind::Unit | ValueKind::Variant(_) => {
+            target.kind = ValueKind::Struct { name, fields: Vec::new() };
+        }
+        ValueKind::Tuple { items, .. } if items.is_empty() => {
+            target.kind = ValueKind::Struct { name, fields: Vec::new() };
+        }
+        _ => {}
     }
     match &mut target.kind {
         ValueKind::Struct { fields, .. } => {
-            drop_twin(fields, parameter);
-            match fields.iter_mut().find(|(n, _)| n.text == parameter) {
-                Some((_, value)) => *value = change.value.clone(),
-                None => fields.push((Name::new(change.value.span, parameter), change.value.clone())),
+            drop_twin(fields, first);
+            if let Some((_, value)) = fields.iter_mut().find(|(name, _)| name.text == *first) {
+                return set_part(value, rest, new);
+            }
+            let mut value = Value::new(new.span, ValueKind::Unit);
+            set_part(&mut value, rest, new)?;
+            fields.push((Name::new(new.span, *first), value));
+            Ok(())
+        }
+        ValueKind::Map(items) => {
+            let names: Vec<String> = items.iter().filter_map(|(key, _)| string_of(key)).collect();
+            match items.iter_mut().find(|(key, _)| string_of(key).as_deref() == Some(first)) {
+                Some((_, value)) => set_part(value, rest, new),
+                None => Err(Wrong {
+                    why: format!("there is no `{first}`"),
+                    help: format!("there is: {}", names.join(", ")),
+                }),
             }
         }
-        _ => {
-            let message = format!("the node of `{}` has no parameters", change.path);
-            d.push(Diagnostic::error(message).label(change.value.span, ""));
+        ValueKind::List(items) | ValueKind::Tuple { items, .. } => {
+            let count = items.len();
+            let letter = ["x", "y", "z", "w"].iter().position(|letter| letter == first).filter(|_| count <= 4);
+            match letter.or_else(|| first.parse().ok()).filter(|i| *i < count) {
+                Some(i) => set_part(&mut items[i], rest, new),
+                None => Err(Wrong {
+                    why: format!("there is no item `{first}`"),
+                    help: format!("items are numbered from 0 to {}", count.saturating_sub(1)),
+                }),
+            }
         }
+        ValueKind::Str(text) => Err(Wrong {
+            why: format!("\"{text}\" has no parts"),
+            help: format!("a node is reached by its own name: {text}.{}", path.join(".")),
+        }),
+        _ => Err(Wrong {
+            why: format!("{} has no parts", target.describe()),
+            help: format!("leave out `.{}`", path.join(".")),
+        }),
     }
 }
 

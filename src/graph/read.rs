@@ -17,7 +17,7 @@ use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
 use crate::diag::{Diagnostic, Diagnostics, Severity, Span};
 use crate::formula::decode::{Fields, FromValue, check_range, entries};
 use crate::formula::library::Library;
-use crate::formula::script::base_scope;
+use crate::formula::script::{BadExpression, base_scope, is_reserved};
 use crate::formula::value::{Name, Value, ValueKind};
 
 /// Nodes that a graph may have.
@@ -64,7 +64,7 @@ fn read_once(
     if d.error_count() > errors {
         return None;
     }
-    validate(graph, d)
+    validate(library, graph, d)
 }
 
 /// The state of reading one file.
@@ -173,6 +173,14 @@ impl Reader<'_> {
     }
 
     fn param(&mut self, name: &Name, value: &Value, overrides: &HashMap<String, Value>) -> Option<FractalParam> {
+        if is_reserved(&name.text) {
+            let message = format!("a parameter cannot be called `{}`", name.text);
+            let label = match name.text.as_str() {
+                "n" => "in expressions `n` is the number of the iteration",
+                _ => "a reserved word of expressions",
+            };
+            self.d.push(Diagnostic::error(message).label(name.span, label).help("choose another name"));
+        }
         let mut fields = Fields::new(value, "a parameter", self.d)?;
         let default = fields.required::<f64>("default", self.d);
         let min = fields.or("min", -1e6, self.d);
@@ -273,8 +281,8 @@ impl Reader<'_> {
                         );
                         return None;
                     }
-                    Err(message) => {
-                        self.bad_expression(&message, value.span);
+                    Err(error) => {
+                        self.bad_expression(error, value.span);
                         return None;
                     }
                 }
@@ -284,9 +292,10 @@ impl Reader<'_> {
         check_range(number, min, max, "the value", value.span, self.d).then_some(number)
     }
 
-    pub(super) fn bad_expression(&mut self, message: &str, span: Span) {
-        let mut diagnostic = Diagnostic::error(message.to_string()).label(span, "in this expression");
-        if let Some(name) = message.strip_prefix("Variable not found: ") {
+    pub(super) fn bad_expression(&mut self, error: BadExpression, span: Span) {
+        let mut diagnostic = Diagnostic::error(error.message).label(span, "in this expression");
+        diagnostic.help = error.help;
+        if let Some(name) = &error.variable {
             diagnostic = Diagnostic::error(format!("unknown parameter `{name}`"))
                 .label(span, "in this expression")
                 .did_you_mean(name, self.params.iter().map(|p| p.name.as_str()));

@@ -83,6 +83,9 @@ pub fn resolve_schedule(
     constant: Constant,
     max_iterations: u32,
 ) -> (Vec<IterationMap>, Schedule) {
+    if !depends_on_iteration(graph, root) {
+        return (vec![resolve_iteration(graph, root, constant, 0)], Schedule::constant(0));
+    }
     let mut items: Vec<IterationMap> = Vec::new();
     let mut sequence = Vec::with_capacity(max_iterations as usize);
     for n in 0..max_iterations.max(1) {
@@ -94,6 +97,24 @@ pub fn resolve_schedule(
         sequence.push(position);
     }
     (items, find_period(&sequence))
+}
+
+/// Whether a map is not the same at every iteration.
+pub(super) fn depends_on_iteration(graph: &Graph, root: NodeRef) -> bool {
+    let mut open = vec![root];
+    let mut seen = vec![false; graph.nodes.len()];
+    while let Some(node) = open.pop() {
+        if std::mem::replace(&mut seen[node.0], true) {
+            continue;
+        }
+        let kind = &graph.node(node).kind;
+        match kind {
+            NodeKind::Between { .. } | NodeKind::Alternate(_) => return true,
+            NodeKind::Choose { when, .. } if when.by_iteration(0).is_some() => return true,
+            _ => open.extend(kind.wires()),
+        }
+    }
+    false
 }
 
 /// The shortest prefix and cycle that repeat a sequence.

@@ -24,7 +24,7 @@ use super::overrides::Override;
 use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
 use crate::expr::Arena;
 use crate::formula::library::Library;
-use crate::formula::script::{ScriptEngine, base_scope};
+use crate::formula::script::{Places, ScriptEngine, Spot, base_scope, type_name};
 use crate::formula::value::{Name, Value, ValueKind};
 
 /// Constructors beside those of nodes: constants, conditions, tests and symmetries.
@@ -63,6 +63,8 @@ const OTHER_CONSTRUCTORS: &[&str] = &[
 const WORDS: &[&str] = &["Mandelbrot", "Off", "AgreesOnBackends", "Iterations"];
 /// Values that one node may hold, with all its parts.
 const MAX_VALUES: usize = 10_000;
+/// How deep lists and fields of a node may lie in each other.
+const MAX_NESTED: usize = 64;
 /// Values that all nodes of a script may hold together.
 const MAX_TOTAL: usize = 500_000;
 
@@ -72,8 +74,7 @@ type Fallible<T> = Result<T, Box<EvalAltResult>>;
 #[derive(Clone)]
 struct Made {
     value: Rc<Value>,
-    /// Values in it.
-    count: usize,
+    held: Holding,
 }
 
 /// A parameter that a script asked for.
@@ -88,6 +89,7 @@ struct Run {
     sources: Sources,
     text: SourceId,
     overrides: Vec<Override>,
+    places: Places,
     asked: RefCell<Vec<AskedParam>>,
     total: RefCell<usize>,
 }
@@ -101,57 +103,70 @@ pub fn run_script(library: &Library, text: SourceId, overrides: &[Override], d: 
         d.push(Diagnostic::error(message).label(library.sources.span_at(text, 1, 1), "").help(help));
         return None;
     }
+    let mut engine = ScriptEngine::new();
+    engine.tracer.start(&Rc::new(Arena::default()), &library.sources, text);
+    let ast = match engine.compile(&library.sources, text) {
+        Ok(ast) => ast,
+        Err(diagnostic) => {
+            d.push(diagnostic);
+            return None;
+        }
+    };
     let run = Rc::new(Run {
         sources: library.sources.clone(),
         text,
         overrides: overrides.to_vec(),
+        places: Places::of(&ast),
         asked: RefCell::default(),
         total: RefCell::default(),
     });
-    let mut engine = ScriptEngine::new();
-    engine.tracer.start(&Rc::new(Arena::default()), &library.sources, text);
     register(engine.engine_mut(), library, &run);
-    let result = engine
-        .compile(&library.sources, text)
-        .and_then(|ast| engine.run(&library.sources, text, &ast, &mut base_scope()));
+    let constructors: Vec<&str> = constructors(library).collect();
+    let unknown = engine.unknown_names((&library.sources, text), &ast, (WORDS, &constructors), None);
+    if !unknown.is_empty() {
+        d.extend(unknown);
+        return None;
+    }
+    let result = engine.run(&library.sources, text, &ast, &mut base_scope());
     match result.and_then(|result| run.graph(&result)) {
         Ok(value) => Some(value),
         Err(diagnostic) => {
-            d.push(with_nearest(diagnostic, library));
+            d.push(with_form(diagnostic, library));
             None
         }
     }
 }
 
-/// Names the constructor that an unknown function may stand for.
-fn with_nearest(diagnostic: Diagnostic, library: &Library) -> Diagnostic {
-    let Some(rest) = diagnostic.message.strip_prefix("Function not found: ").map(str::to_string) else {
+/// Names of all functions that make a node or a part of one.
+fn constructors(library: &Library) -> impl Iterator<Item = &str> {
+    // A broken step's uses are none of the script's errors.
+    KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(library.names()).chain(library.broken())
+}
+
+/// Says how a constructor is written that got something else.
+fn with_form(mut diagnostic: Diagnostic, library: &Library) -> Diagnostic {
+    let name = diagnostic.message.strip_prefix("there is no function `").and_then(|rest| rest.strip_suffix('`'));
+    let Some(name) = name.filter(|name| constructors(library).any(|known| known == *name)).map(str::to_string) else {
         return diagnostic;
     };
-    let name = rest.split([' ', '(']).next().unwrap_or_default();
-    let constructors = || KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(library.names());
-    if constructors().any(|known| known == name) {
-        return diagnostic
-            .help(format!("`{name}` takes at most three parts, a list of parts, or #{{ name: part, ... }}"));
-    }
-    match diagnostic.help.is_empty() {
-        true => diagnostic.did_you_mean(name, constructors()),
-        false => diagnostic,
-    }
+    diagnostic.message = format!("`{name}` cannot take these arguments");
+    diagnostic.help = vec![format!("`{name}` takes at most three parts, a list of parts, or #{{ name: part, ... }}")];
+    diagnostic
 }
 
 fn register(engine: &mut Engine, library: &Library, run: &Rc<Run>) {
     engine.register_type_with_name::<Made>("graph node");
-    // A broken step's uses are none of the script's errors.
-    let steps = library.names().chain(library.broken());
-    for name in KEYWORDS.iter().chain(OTHER_CONSTRUCTORS).copied().chain(steps) {
+    for name in constructors(library) {
         register_constructor(engine, name, run);
     }
     // `Orbit` is a node and a test, and made alike.
     let mut words = rhai::Module::new();
     for word in WORDS {
         let value = Value::new(Span::NONE, ValueKind::Variant(Name::new(Span::NONE, *word)));
-        words.set_var(*word, Dynamic::from(Made { value: Rc::new(value), count: 1 }));
+        words.set_var(
+            *word,
+            Dynamic::from(Made { value: Rc::new(value), held: Holding { values: 1, ..Holding::default() } }),
+        );
     }
     engine.register_global_module(words.into());
     register_params(engine, run);
@@ -195,29 +210,38 @@ impl Run {
         }
     }
 
+    /// Place of an argument of a call.
+    fn argument(&self, call: Position, i: usize) -> Spot<'_> {
+        Spot::Own { place: self.places.argument(call, i), sources: &self.sources, text: self.text }
+    }
+
     fn node(&self, name: &str, position: Position, args: &[Dynamic]) -> Fallible<Made> {
         let span = self.span(position);
-        let mut count = 1;
+        // The node itself is one more level.
+        let mut count = Holding { values: 1, nested: 1, depth: 1 };
         let name = Some(Name::new(span, name));
         let kind = match args {
             [only] if only.is_map() => {
                 let map = only.read_lock::<Map>().expect("it was just seen to be a map");
                 match map.is_empty() {
                     true => ValueKind::Tuple { name, items: Vec::new() },
-                    false => ValueKind::Struct { name, fields: fields(&map, span, &mut count)? },
+                    false => ValueKind::Struct { name, fields: fields(&map, &self.argument(position, 0), &mut count)? },
                 }
             }
             _ => {
-                let items = args.iter().map(|arg| convert(arg, span, &mut count)).collect::<Fallible<Vec<Value>>>()?;
+                let parts = args.iter().enumerate();
+                let items = parts
+                    .map(|(i, arg)| convert(arg, &self.argument(position, i), &mut count))
+                    .collect::<Fallible<Vec<Value>>>()?;
                 ValueKind::Tuple { name, items }
             }
         };
         let mut total = self.total.borrow_mut();
-        *total += count;
+        *total += count.values;
         if *total > MAX_TOTAL {
             return Err("the script makes too many nodes".into());
         }
-        Ok(Made { value: Rc::new(Value::new(span, kind)), count })
+        Ok(Made { value: Rc::new(Value::new(span, kind)), held: Holding { depth: 0, ..count } })
     }
 
     fn param(&self, position: Position, name: &str, default: &Dynamic, about: &Map) -> Fallible<Dynamic> {
@@ -244,7 +268,7 @@ impl Run {
         if !asked.iter().any(|param| param.name == name) {
             let default = (Name::new(span, "default"), Value::new(span, ValueKind::Number(default_number)));
             let mut list = vec![default];
-            list.extend(fields(about, span, &mut 0)?);
+            list.extend(fields(about, &self.argument(position, 2), &mut Holding::default())?);
             asked.push(AskedParam {
                 name: name.to_string(),
                 description: Value::new(span, ValueKind::Struct { name: None, fields: list }),
@@ -259,17 +283,18 @@ impl Run {
 
     /// The graph that the script's value stands for, with the parameters it asked for.
     fn graph(&self, result: &Dynamic) -> Result<Value, Diagnostic> {
-        let end = self.sources.span_at(self.text, usize::MAX, 1);
+        let spot = Spot::Own { place: self.places.result(), sources: &self.sources, text: self.text };
+        let end = spot.span();
         let fail = |message: String| {
             let help =
                 "the last line, without a semicolon, is what a script returns: a node, or #{ output: node, ... }";
-            Diagnostic::error(message).label(end, "the script ends here").help(help)
+            Diagnostic::error(message).label(end, "the script ends with this").help(help)
         };
         if result.is_unit() {
             return Err(fail("the script must return a graph, but returns nothing".into()));
         }
         let whole = self.sources.span_at(self.text, 1, 1);
-        let value = convert(result, whole, &mut 0).map_err(|error| match *error {
+        let value = convert(result, &spot, &mut Holding::default()).map_err(|error| match *error {
             EvalAltResult::ErrorRuntime(text, _) => fail(text.to_string()),
             other => fail(other.to_string()),
         })?;
@@ -278,7 +303,10 @@ impl Run {
             ValueKind::Struct { name: Some(_), .. } | ValueKind::Tuple { name: Some(_), .. } => {
                 vec![(Name::new(value.span, "output"), value)]
             }
-            _ => return Err(fail(format!("the script must return a graph, but returns {}", result.type_name()))),
+            _ => {
+                let found = type_name(result.type_name());
+                return Err(fail(format!("the script must return a graph, but returns a {found}")));
+            }
         };
         let asked = self.asked.take();
         if !asked.is_empty() {
@@ -299,36 +327,77 @@ impl Run {
     }
 }
 
-fn fields(map: &Map, span: Span, count: &mut usize) -> Fallible<Vec<(Name, Value)>> {
-    map.iter().map(|(key, item)| Ok((Name::new(span, key.as_str()), convert(item, span, count)?))).collect()
+/// What a value that is being made holds.
+#[derive(Clone, Copy, Default)]
+struct Holding {
+    /// Values in it.
+    values: usize,
+    /// How deep its parts lie in each other.
+    nested: usize,
+    /// How deep the part lies that is being read.
+    depth: usize,
+}
+
+impl Holding {
+    fn add(&mut self, values: usize) -> Fallible<()> {
+        self.values += values;
+        match self.values > MAX_VALUES {
+            true => Err(format!("a node holds more than {MAX_VALUES} values").into()),
+            false => Ok(()),
+        }
+    }
+
+    /// Something that lies in the part that is being read, itself so deep.
+    fn within(&mut self, nested: usize) -> Fallible<()> {
+        self.nested = self.nested.max(self.depth + nested);
+        match self.nested > MAX_NESTED {
+            true => Err(format!("lists and nodes lie in each other more than {MAX_NESTED} deep").into()),
+            false => Ok(()),
+        }
+    }
+
+    fn enter(&mut self) -> Fallible<()> {
+        self.depth += 1;
+        self.within(0)
+    }
+}
+
+fn fields(map: &Map, spot: &Spot, count: &mut Holding) -> Fallible<Vec<(Name, Value)>> {
+    let field = |(key, item): (&rhai::Identifier, &Dynamic)| {
+        let (name, inner) = spot.field(key.as_str());
+        Ok((Name::new(name, key.as_str()), convert(item, &inner, count)?))
+    };
+    map.iter().map(field).collect()
 }
 
 /// The value tree of a script's value; `count` grows by the values in it.
-fn convert(value: &Dynamic, span: Span, count: &mut usize) -> Fallible<Value> {
-    *count += 1;
-    if *count > MAX_VALUES {
-        return Err(format!("a node holds more than {MAX_VALUES} values").into());
-    }
+fn convert(value: &Dynamic, spot: &Spot, count: &mut Holding) -> Fallible<Value> {
+    count.add(1)?;
     let kind = if let Some(made) = value.read_lock::<Made>() {
-        *count += made.count;
-        if *count > MAX_VALUES {
-            return Err(format!("a node holds more than {MAX_VALUES} values").into());
-        }
+        count.add(made.held.values)?;
+        count.within(made.held.nested)?;
         let mut value = (*made.value).clone();
         if value.span.is_none() {
-            value.span = span;
+            value.span = spot.span();
         }
         return Ok(value);
     } else if let Some(kind) = crate::formula::script::plain_kind(value) {
         kind
     } else if let Some(items) = value.read_lock::<Array>() {
-        ValueKind::List(items.iter().map(|item| convert(item, span, count)).collect::<Fallible<_>>()?)
+        count.enter()?;
+        let item = |(i, item): (usize, &Dynamic)| convert(item, &spot.item(i), count);
+        let list = items.iter().enumerate().map(item).collect::<Fallible<_>>()?;
+        count.depth -= 1;
+        ValueKind::List(list)
     } else if let Some(map) = value.read_lock::<Map>() {
-        ValueKind::Struct { name: None, fields: fields(&map, span, count)? }
+        count.enter()?;
+        let fields = fields(&map, spot, count)?;
+        count.depth -= 1;
+        ValueKind::Struct { name: None, fields }
     } else {
-        return Err(format!("a graph cannot hold a {}", value.type_name()).into());
+        return Err(format!("a graph cannot hold a {}", type_name(value.type_name())).into());
     };
-    Ok(Value::new(span, kind))
+    Ok(Value::new(spot.span(), kind))
 }
 
 /// A source of random numbers.

@@ -1,9 +1,12 @@
 //! Checks what no single node shows: cycles, maps where fields belong, nodes that nothing uses.
 
+use std::collections::HashSet;
 use std::ops::Deref;
 
+use super::budget;
 use super::{Camera, DeForm, Graph, Node, NodeKind, NodeRef, OrbitSettings};
 use crate::diag::{Diagnostic, Diagnostics};
+use crate::formula::library::Library;
 use crate::formula::step::{Growth, StateWidth, Step};
 
 /// A graph that `validate` has passed: no cycles, the right kind of node on every wire. Its output is a field.
@@ -22,9 +25,9 @@ impl Deref for ValidGraph {
 const MAX_DEPTH: usize = 64;
 
 /// Checks a graph, and makes maps that stand where a field belongs into orbits.
-pub(super) fn validate(mut graph: Graph, d: &mut Diagnostics) -> Option<ValidGraph> {
+pub(super) fn validate(library: &Library, mut graph: Graph, d: &mut Diagnostics) -> Option<ValidGraph> {
     let errors = d.error_count();
-    if !check_cycles(&graph, d) {
+    if !check_cycles(&graph, MAX_DEPTH, d) {
         return None;
     }
     let output = graph.output;
@@ -32,13 +35,17 @@ pub(super) fn validate(mut graph: Graph, d: &mut Diagnostics) -> Option<ValidGra
     for i in 0..graph.nodes.len() {
         wrap_maps(&mut graph, i);
     }
+    // Orbits hold the file's end shape, which may hold them; and what is too large is not walked through.
+    if !check_cycles(&graph, 2 * MAX_DEPTH, d) || !budget::check(library, &graph, d) {
+        return None;
+    }
     for node in &graph.nodes {
         check_kinds(&graph, node, d);
         super::widths::check_node(&graph, node, d);
     }
     super::widths::check_tests(&graph, d);
     check_parts(&graph, d);
-    check_shapes(&graph, graph.output, (3, false), d);
+    check_shapes(&graph, graph.output, (3, false), &mut HashSet::new(), d);
     if d.error_count() > errors {
         return None;
     }
@@ -46,7 +53,7 @@ pub(super) fn validate(mut graph: Graph, d: &mut Diagnostics) -> Option<ValidGra
     Some(ValidGraph(graph))
 }
 
-fn check_cycles(graph: &Graph, d: &mut Diagnostics) -> bool {
+fn check_cycles(graph: &Graph, most: usize, d: &mut Diagnostics) -> bool {
     // 0: not visited, 1: on the path, 2: done, with the depth below it.
     let mut state = vec![0u8; graph.nodes.len()];
     let mut depth = vec![0usize; graph.nodes.len()];
@@ -69,8 +76,8 @@ fn check_cycles(graph: &Graph, d: &mut Diagnostics) -> bool {
                 None => {
                     state[node] = 2;
                     depth[node] = wires.iter().map(|w| depth[w.0] + 1).max().unwrap_or(0);
-                    if depth[node] > MAX_DEPTH {
-                        let message = format!("nodes are nested more than {MAX_DEPTH} deep");
+                    if depth[node] > most {
+                        let message = format!("nodes are nested more than {most} deep");
                         d.push(Diagnostic::error(message).label(graph.nodes[node].span, ""));
                         return false;
                     }
@@ -92,7 +99,15 @@ fn report_cycle(graph: &Graph, path: &[(usize, usize)], back_to: usize, d: &mut 
     for (node, _) in &path[start..] {
         diagnostic = diagnostic.label(graph.nodes[*node].span, "on the cycle");
     }
-    d.push(diagnostic.help("an orbit repeats its map by itself: wire the map to the output, not to itself"));
+    let has_end = path[start..].iter().any(
+        |(node, _)| matches!(&graph.nodes[*node].kind, NodeKind::Orbit { settings, .. } if settings.shape.is_some()),
+    );
+    d.push(diagnostic.help(match has_end {
+        true => {
+            "a map where a field belongs becomes an orbit with the file's settings, its `end` too: wire fields there"
+        }
+        false => "an orbit repeats its map by itself: wire the map to the output, not to itself",
+    }));
 }
 
 /// A map becomes the orbit that iterates it, with the file's settings; a field stays.
@@ -207,8 +222,14 @@ fn check_unrolled(graph: &Graph, node: &Node, of: NodeRef, settings: &OrbitSetti
     }
 }
 
+/// Nodes that were checked already, each in a state of so many components, and inside an end shape or not.
+type Checked = HashSet<(NodeRef, u8, bool)>;
+
 /// Shapes of four components need a state of four, and end shapes must be fields.
-fn check_shapes(graph: &Graph, of: NodeRef, (width, in_end): (u8, bool), d: &mut Diagnostics) {
+fn check_shapes(graph: &Graph, of: NodeRef, (width, in_end): (u8, bool), checked: &mut Checked, d: &mut Diagnostics) {
+    if !checked.insert((of, width, in_end)) {
+        return;
+    }
     let node = graph.node(of);
     match &node.kind {
         NodeKind::Shape { step, .. } if step.state == StateWidth::Four && width != 4 => {
@@ -233,10 +254,10 @@ fn check_shapes(graph: &Graph, of: NodeRef, (width, in_end): (u8, bool), d: &mut
                 );
             }
             let embeds = graph.state_width(*of, settings);
-            check_shapes(graph, shape.field, (embeds, true), d);
+            check_shapes(graph, shape.field, (embeds, true), checked, d);
         }
         kind if kind.is_map() => {}
-        kind => kind.wires().into_iter().for_each(|wire| check_shapes(graph, wire, (width, in_end), d)),
+        kind => kind.wires().into_iter().for_each(|wire| check_shapes(graph, wire, (width, in_end), checked, d)),
     }
 }
 

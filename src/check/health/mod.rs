@@ -67,6 +67,8 @@ pub enum Kind {
     Bounds,
     /// The iteration limit.
     Iterations,
+    /// What a file says about itself.
+    Description,
 }
 
 impl Kind {
@@ -82,6 +84,7 @@ impl Kind {
             Kind::Radius => "radius",
             Kind::Bounds => "bounds",
             Kind::Iterations => "iterations",
+            Kind::Description => "description",
         }
     }
 }

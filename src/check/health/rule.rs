@@ -51,8 +51,26 @@ pub fn check_step(library: &Library, step: &Step) -> Result<Health, Diagnostic> 
             known.push(params);
         }
     }
+    health.findings.extend(missing_texts(step));
     health.findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     Ok(health)
+}
+
+/// What a step's description could say: nothing needs it, but readers do.
+fn missing_texts(step: &Step) -> Option<Finding> {
+    let texts = [("summary", &step.summary), ("source", &step.source)];
+    let mut missing: Vec<String> =
+        texts.iter().filter(|(_, text)| text.is_empty()).map(|(name, _)| format!("`{name}`")).collect();
+    missing.extend(step.params.iter().filter(|p| p.help.is_empty()).map(|p| format!("the `help` of `{}`", p.name)));
+    (!missing.is_empty()).then(|| Finding {
+        severity: Severity::Note,
+        kind: Kind::Description,
+        subject: step.name.clone(),
+        message: format!("the description lacks {}", missing.join(", ")),
+        help: "nothing needs it; whoever gets the file will like to know what it does and where it comes from".into(),
+        span: Span::new(step.text, 0, 0),
+        point: None,
+    })
 }
 
 fn value_text(value: &crate::formula::step::ParamValue) -> String {

@@ -3,18 +3,11 @@
 use rhai::AST;
 
 use super::{Growth, ParamKind, ParamValue, REMEMBERING, ScalarRule, StateWidth, Step, StepExample, StepParam};
-use crate::diag::{Diagnostic, Diagnostics, SourceId, Sources, Span};
+use crate::diag::{Diagnostic, Diagnostics, SourceId, Span};
 use crate::formula::decode::{Fields, FromValue, check_range, entries};
+use crate::formula::script::{is_reserved, reserved};
 use crate::formula::shape::{ShapeDistance, check_shape, has_distance};
 use crate::formula::value::{Value, ValueKind};
-
-/// Place of a field of the description that starts there: its first mention, else the start.
-pub(super) fn description_span(sources: &Sources, id: SourceId, start: usize, field: Option<&str>) -> Span {
-    let text = sources.text(id);
-    let found = field.and_then(|f| text[start..].find(&format!("{f}:")).map(|at| (start + at, f.len())));
-    let (at, len) = found.unwrap_or((start, 2.min(text.len() - start)));
-    Span::new(id, at, at + len)
-}
 
 pub(super) fn decode_step(
     name: &str,
@@ -25,11 +18,11 @@ pub(super) fn decode_step(
 ) -> Option<Step> {
     let errors = d.error_count();
     let mut fields = Fields::new(description, "a step's description", d)?;
-    let group = fields.required::<String>("group", d).unwrap_or_default();
-    let summary = fields.required::<String>("summary", d).unwrap_or_default();
+    let group = fields.or("group", "own".to_string(), d);
+    let summary = fields.or("summary", String::new(), d);
     let inventor = fields.or("inventor", String::new(), d);
     let year = fields.optional::<u32>("year", d);
-    let source = fields.required::<String>("source", d).unwrap_or_default();
+    let source = fields.or("source", String::new(), d);
     let notes = fields.or("notes", String::new(), d);
     let state = fields.or("state", StateWidth::Three, d);
     let growth = fields.optional::<Growth>("growth", d);
@@ -245,8 +238,11 @@ impl FromValue for StepParam {
         let min = fields.or("min", -1e6, d);
         let max = fields.or("max", 1e6, d);
         let unit = fields.or("unit", String::new(), d);
-        let help = fields.required::<String>("help", d);
+        let help = fields.or("help", String::new(), d);
         fields.finish(d);
+        if let Some(name) = name.as_deref().filter(|name| *name != "n" && is_reserved(name)) {
+            d.push(Diagnostic::error(reserved(name)).label(value.span, "a parameter").help("choose another name"));
+        }
         let kind = match kind.as_str() {
             "float" => ParamKind::Float,
             "int" => ParamKind::Int,
@@ -265,7 +261,7 @@ impl FromValue for StepParam {
                 return None;
             }
         };
-        let mut param = StepParam { name: name?, kind, default: ParamValue::Bool(false), min, max, unit, help: help? };
+        let mut param = StepParam { name: name?, kind, default: ParamValue::Bool(false), min, max, unit, help };
         let Some(default) = default else {
             d.push(Diagnostic::error(format!("parameter `{}` has no default", param.name)).label(value.span, ""));
             return None;

@@ -28,6 +28,8 @@ struct Lowering<'a> {
     nodes: Vec<NodeId>,
     needed: HashMap<NodeId, u8>,
     uses: HashMap<NodeId, u32>,
+    /// Sines and cosines that are needed, by their angles.
+    waves: HashMap<(Operator, NodeId), NodeId>,
     /// Products and quotients that are computed by what reads them.
     absorbed: HashSet<NodeId>,
     /// Virtual register of each component; pinned ones first.
@@ -67,6 +69,7 @@ impl<'a> Lowering<'a> {
             nodes,
             needed: HashMap::new(),
             uses: HashMap::new(),
+            waves: HashMap::new(),
             absorbed: HashSet::new(),
             registers: HashMap::new(),
             constants,
@@ -102,6 +105,9 @@ impl<'a> Lowering<'a> {
                 };
                 *self.needed.entry(*arg).or_default() |= from_arg;
                 *self.uses.entry(*arg).or_default() += 1;
+            }
+            if let Op::Apply(operator @ (Operator::Sin | Operator::Cos)) = node.op {
+                self.waves.insert((operator, node.args()[0]), id);
             }
         }
     }
@@ -264,10 +270,7 @@ impl<'a> Lowering<'a> {
     /// Sine and cosine of one angle are one instruction where both are needed.
     fn fuse_sin_cos(&mut self, operator: Operator, angle: NodeId) -> Option<[u32; 4]> {
         let other = if operator == Operator::Sin { Operator::Cos } else { Operator::Sin };
-        let twin = *self.nodes.iter().find(|&&id| {
-            let node = self.arena.node(id);
-            node.op == Op::Apply(other) && node.args()[0] == angle && self.needed.contains_key(&id)
-        })?;
+        let twin = *self.waves.get(&(other, angle))?;
         let (sin, cos) = (self.fresh(), self.fresh());
         let angle = self.registers[&angle];
         self.emit(Code::SinCos, 1, [sin, cos, 0, 0], 2, &[angle]);
@@ -298,21 +301,35 @@ impl<'a> Lowering<'a> {
     /// Joins `a b - c d` with a later `c b + a d`: real and imaginary part of one product, whose operands are then read
     /// once. Powers and squares, and their derivatives, are made of these.
     fn pair_complex_products(&mut self) {
-        let mut i = 0;
-        while i < self.instructions.len() {
-            let (code, real) = self.instructions[i];
-            if code == Code::Products(Products::Difference) {
-                let twin = self.instructions[i + 1..].iter().position(|(code, sum)| {
-                    *code == Code::Products(Products::Sum) && sum.width == real.width && real.is_twin(sum)
-                });
-                if let Some(j) = twin {
-                    let (_, imaginary) = self.instructions.remove(i + 1 + j);
-                    let joined = Operands32 { dst2: imaginary.dst, dst2_count: imaginary.dst_count, ..real };
-                    self.instructions[i] = (Code::ComplexProduct, real.ordered_for(&imaginary, joined));
-                }
+        // Sums by the registers that they read, since all of them are those of the difference.
+        let mut sums: HashMap<[u32; 4], Vec<usize>> = HashMap::new();
+        for (i, (code, operands)) in self.instructions.iter().enumerate() {
+            if *code == Code::Products(Products::Sum) {
+                sums.entry(operands.first_factors()).or_default().push(i);
             }
-            i += 1;
         }
+        let mut taken = HashSet::new();
+        for i in 0..self.instructions.len() {
+            let (code, real) = self.instructions[i];
+            if code != Code::Products(Products::Difference) {
+                continue;
+            }
+            let twin = sums.get(&real.first_factors()).into_iter().flatten().copied().find(|j| {
+                let sum = &self.instructions[*j].1;
+                *j > i && !taken.contains(j) && sum.width == real.width && real.is_twin(sum)
+            });
+            if let Some(j) = twin {
+                taken.insert(j);
+                let (_, imaginary) = self.instructions[j];
+                let joined = Operands32 { dst2: imaginary.dst, dst2_count: imaginary.dst_count, ..real };
+                self.instructions[i] = (Code::ComplexProduct, real.ordered_for(&imaginary, joined));
+            }
+        }
+        let mut position = 0;
+        self.instructions.retain(|_| {
+            position += 1;
+            !taken.contains(&(position - 1))
+        });
     }
 
     /// Virtual registers of the outputs; an output that is another input's register, or a constant, is copied, so that
@@ -416,6 +433,13 @@ impl Operands32 {
             }
         }
         None
+    }
+
+    /// The registers of the first components of its factors, in ascending order.
+    fn first_factors(&self) -> [u32; 4] {
+        let mut registers = self.args.map(|arg| arg[0]);
+        registers.sort_unstable();
+        registers
     }
 
     fn is_twin(&self, sum: &Operands32) -> bool {
