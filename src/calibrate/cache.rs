@@ -21,7 +21,7 @@ use crate::graph::{DeForm, Method, NodeKind};
 use crate::kernel::listing::listing as instructions;
 
 /// Counts changes of the calibration itself: what older programs kept is not read any more.
-const VERSION: u32 = 13;
+const VERSION: u32 = 14;
 
 /// The user's folder for calibrations: `$BULBFOLD_CACHE`, else `bulbfold` in the system's folder for caches. `None` where
 /// there is none, or the variable is empty.

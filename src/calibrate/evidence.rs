@@ -89,7 +89,7 @@ pub(super) enum Standing {
 }
 
 /// Logarithms of the factors of the price that missing the whole budget counts for, and stopping early by all of it.
-const RISK_OF_MISSED: f64 = 1.2;
+const RISK_OF_MISSED: f64 = 1.6;
 const RISK_OF_EARLY: f64 = 0.6;
 /// Share of the missed hits (and of the early stops) of a budget that a safe choice comes to.
 const SAFE_MISSED: f64 = 0.25;

@@ -3,8 +3,9 @@
 use super::Options;
 use crate::kernel::work::Work;
 
-/// Operations (products of two numbers) that a calibration may always take: about 0.3 s on two cores of 2022.
-pub const LEAST_WORK: f64 = 3e9;
+/// Operations (products of two numbers) that a calibration may always take: half a second on two cores of 2022
+/// for formulas that need it all.
+pub const LEAST_WORK: f64 = 8e9;
 /// Share of the operations of a picture with one sample a pixel that it may take where that is more.
 const SHARE_OF_PICTURE: f64 = 0.1;
 /// What a pixel takes besides its primary ray (its shadow and its colour), as a share of that.

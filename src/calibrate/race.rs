@@ -23,8 +23,13 @@ const COST_OF_OTHER_FORM: f64 = 1.3;
 /// Candidates that are tried even where that takes more than it may, and those that are tried at all.
 const FEWEST: usize = 3;
 const MOST: usize = 60;
-/// Times its work that a calibration may do as long as nothing keeps the budget: a wrong picture is worse than a late one.
-const PATIENCE: f64 = 5.0;
+/// Times its work that a calibration may do as long as nothing is shown to keep the budget: a wrong picture is worse than a late
+/// one.
+const PATIENCE: f64 = 3.0;
+/// Candidates after which, where none of them keeps the budget, a proof is tried before others that are cheaper.
+const IMPATIENCE: usize = 10;
+/// Known hits that the choice is to be judged on, where that is affordable: who is the first of many to keep a budget may be lucky.
+const CONFIRMED_HITS: usize = 3000;
 /// Hits without a truth that candidates are first judged by, and the fewest and most rays for them.
 const FIRST_HITS: f64 = 800.0;
 const FIRST_RAYS: [usize; 2] = [500, 3000];
@@ -132,10 +137,17 @@ impl<'a> Race<'a> {
     pub fn run(mut self, told: &mut dyn FnMut(f64)) -> ComposeResult<Outcome> {
         self.line_up()?;
         self.look_carefully()?;
-        while let Some(entry) = self.next() {
-            if self.is_over(&entry) {
-                break;
-            }
+        loop {
+            let entry = match self.next() {
+                Some(entry) if !self.is_over(&entry) => entry,
+                left => {
+                    self.open.extend(left);
+                    if self.confirm() {
+                        continue;
+                    }
+                    break;
+                }
+            };
             let is_proof = entry.candidate.method.is_some_and(Method::is_certified);
             if is_proof && !entry.is_piloted {
                 self.ask_first(entry)?;
@@ -228,8 +240,39 @@ impl<'a> Race<'a> {
         nothing
     }
 
+    /// Lets the best candidate march more rays where few of its hits are known; false where there is nothing to confirm.
+    fn confirm(&mut self) -> bool {
+        let Some(best) = self.best() else { return false };
+        let count = self.tried[best].seen.len();
+        let more = (2 * count).min(self.sight.rays.len());
+        let is_enough = self.sight.tally(&self.tried[best].seen).missed.of >= CONFIRMED_HITS;
+        if is_enough || more == count || self.price_of_more(best) * (more - count) as f64 > self.left() {
+            return false;
+        }
+        self.extend_with_careful(best, more);
+        self.settle(best, None);
+        true
+    }
+
+    /// The candidate that would be chosen of those that are shown to keep the budget.
+    fn best(&self) -> Option<usize> {
+        let tallies: Vec<Tally> = self.tried.iter().map(|tried| self.sight.tally(&tried.seen)).collect();
+        let budget = &self.options.budget;
+        let price = |at: usize| self.tried[at].cost() * tallies[at].risk(budget);
+        let shown = (0..tallies.len()).filter(|at| tallies[*at].standing(budget) <= Standing::Shown);
+        shown.min_by(|a, b| price(*a).total_cmp(&price(*b)))
+    }
+
     fn next(&mut self) -> Option<Entry> {
         let order = |a: &usize, b: &usize| self.open[*a].expected.total_cmp(&self.open[*b].expected);
+        let is_proof = |candidate: &Candidate| candidate.method.is_some_and(Method::is_certified);
+        if self.tried.len() >= IMPATIENCE
+            && self.price_limit().is_none()
+            && !self.tried.iter().any(|tried| is_proof(&tried.candidate))
+            && let Some(proof) = (0..self.open.len()).filter(|at| is_proof(&self.open[*at].candidate)).min_by(order)
+        {
+            return Some(self.open.remove(proof));
+        }
         let cheapest = (0..self.open.len()).min_by(order)?;
         Some(self.open.remove(cheapest))
     }
@@ -254,7 +297,9 @@ impl<'a> Race<'a> {
 
     /// The work that is left.
     fn left(&self) -> f64 {
-        self.meter.left(if self.price_limit().is_some() { 1.0 } else { PATIENCE })
+        // What is found first may be a proof, for a price that calls for a longer search.
+        let is_fair = |at: usize| self.tried[at].cost() <= MOST_PRICE * self.pilot.price;
+        self.meter.left(if self.best().is_some_and(is_fair) { 1.0 } else { PATIENCE })
     }
 
     /// What a better choice than those that were tried costs at most; `None` where none keeps the budget.
@@ -320,6 +365,19 @@ impl<'a> Race<'a> {
         tried.seen.extend(self.sight.look(range, &ends));
     }
 
+    /// Operations of one more ray of a candidate, careful marches included.
+    fn price_of_more(&self, at: usize) -> f64 {
+        self.tried[..self.careful].iter().chain([&self.tried[at]]).map(Tried::cost).sum()
+    }
+
+    /// Lets a candidate march all rays up to `count`, after the careful marches, which look for the hits of the new ones.
+    fn extend_with_careful(&mut self, at: usize, count: usize) {
+        for careful in 0..self.careful {
+            self.extend(careful, count);
+        }
+        self.extend(at, count);
+    }
+
     /// Decides whether a candidate keeps the budget, by more rays where those that it marched leave that open; its more careful
     /// neighbours are next where it does not.
     fn settle(&mut self, at: usize, after: Option<(Axis, f64)>) {
@@ -328,16 +386,11 @@ impl<'a> Race<'a> {
             let count = self.tried[at].seen.len();
             let tally = self.sight.tally(&self.tried[at].seen);
             let more = (2 * count).min(self.sight.rays.len());
-            // Careful marches look for the hits of the new rays first.
-            let price: f64 = self.tried[..self.careful].iter().chain([&self.tried[at]]).map(Tried::cost).sum();
-            let is_affordable = price * (more - count) as f64 <= self.left();
+            let is_affordable = self.price_of_more(at) * (more - count) as f64 <= self.left();
             if !tally.is_undecided(&budget) || more == count || !is_affordable {
                 break;
             }
-            for careful in 0..self.careful {
-                self.extend(careful, more);
-            }
-            self.extend(at, more);
+            self.extend_with_careful(at, more);
         }
         let tally = self.sight.tally(&self.tried[at].seen);
         match tally.standing(&budget) {
@@ -372,8 +425,8 @@ impl<'a> Race<'a> {
     fn add_neighbours(&mut self, at: usize, tally: &Tally, after: Option<(Axis, f64)>) {
         let (candidate, cost) = (self.tried[at].candidate, self.tried[at].cost());
         let excess = tally.excess(&self.options.budget).0;
-        let is_thin = 2 * tally.missed_thin >= tally.missed_truth.seen;
-        let skip = if is_thin { 0 } else { HOPELESS.iter().filter(|limit| excess > **limit).count() };
+        let is_thin = tally.missed_thin > 0 && 2 * tally.missed_thin >= tally.missed_truth.seen;
+        let skip = HOPELESS.iter().filter(|limit| excess > **limit).count();
         let helps = |axis: Axis| after.is_none_or(|(last, before)| last != axis || excess < HELP * before);
         let kind = (candidate.method, candidate.form);
         if !helps(Axis::LeastStep) {
@@ -385,17 +438,18 @@ impl<'a> Race<'a> {
         };
         // A proof does not overshoot.
         let is_proof = candidate.method.is_some_and(Method::is_certified);
+        // What is thin is found by shorter steps; smaller multipliers are for later then.
+        let shorter = below(&self.space.least_steps, candidate.least_step, if is_thin { skip.min(1) } else { 0 });
+        let shorter = shorter.filter(|_| !self.helpless.contains(&kind) && (is_thin || skip == 0));
         if helps(Axis::Fudge)
             && !is_proof
+            && !(is_thin && shorter.is_some())
             && let Some(fudge) = below(&self.space.fudges, candidate.fudge, skip)
         {
             let expected = cost * (candidate.fudge / fudge).powf(COST_OF_FUDGE);
             self.add(Candidate { fudge, ..candidate }, expected, Some((Axis::Fudge, excess)));
         }
-        if !self.helpless.contains(&kind)
-            && skip == 0
-            && let Some(least_step) = below(&self.space.least_steps, candidate.least_step, 0)
-        {
+        if let Some(least_step) = shorter {
             let expected = cost * COST_OF_LEAST_STEP;
             self.add(Candidate { least_step, ..candidate }, expected, Some((Axis::LeastStep, excess)));
         }
