@@ -168,9 +168,9 @@ fn a_million_members_are_within() {
 }
 
 #[test]
-fn norms_of_start_points_say_nothing_where_orbits_start_elsewhere() {
-    // Every orbit starts at the origin and is only scaled down: all of space belongs to the set.
-    let text = "(nodes: { \"a\": scale(scale: 3) }, output: \"a\", constant: Off, start: (0, 0, 0), escape_radius: 4, max_iterations: 8)";
+fn norms_say_nothing_where_orbits_end_by_another_test() {
+    // No point with x below 0 ever gets above 4: half of space belongs to the set.
+    let text = "(nodes: { \"a\": scale(scale: 3) }, output: \"a\", constant: Off, escape: Above(\"x\", 4.0), max_iterations: 8)";
     let plan = Formula::from_ron(text).unwrap().plan().clone();
     assert_eq!(plan.reach, Reach::Endless, "{}", plan.bounding_radius);
 }
