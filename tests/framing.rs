@@ -27,9 +27,9 @@ fn filled(camera: &Camera, middle: [f64; 3], radius: f64) -> f64 {
 
 #[test]
 fn frames_hold_what_is_there() {
-    // A steep shape, a ball far from the origin, a small ball in a larger stated one.
+    // A steep shape, a ball far from the origin, a small ball in a large stated one.
     let far = "(nodes: { \"a\": Sphere(centre: (40, 0, 0), radius: 2) }, output: \"a\")";
-    let small = "(nodes: { \"a\": Sphere(radius: 0.5) }, output: \"a\", bounding_radius: 6)";
+    let small = "(nodes: { \"a\": Sphere(radius: 0.5) }, output: \"a\", bounding_radius: 60)";
     let formulas = [
         (Formula::open("tests/reach/bumpy_ball.ron").unwrap(), [0.0; 3], 1.1),
         (Formula::from_ron(far).unwrap(), [40.0, 0.0, 0.0], 2.0),

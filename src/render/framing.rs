@@ -19,7 +19,9 @@ use crate::shade::{self, CameraFrame, Size, compose_camera, frame_automatically,
 const GRID: Size = Size { width: 64, height: 36 };
 /// Hits that a frame goes by, and views that are tried to get them.
 const HITS: usize = 100;
-const TRIES: usize = 5;
+const TRIES: usize = 8;
+/// How many times closer a view is where nothing was hit.
+const CLOSER: f64 = 4.0;
 /// Share of the hits on each side that a frame may leave out: dust.
 const DUST: f64 = 0.005;
 /// Share of the picture's height that the hits fill.
@@ -42,19 +44,26 @@ pub fn automatic_camera(composer: &Composer, plan: &Plan) -> ComposeResult<Camer
         return Ok(frame_automatically(plan.bounding_radius.min(OF_ENDLESS)));
     }
     let known = if plan.members > 0.0 { plan.members } else { plan.bounding_radius };
-    let mut camera = frame_automatically(known);
+    let first = frame_automatically(known);
+    let (mut radius, mut camera, mut is_found) = (known, first, false);
     for _ in 0..TRIES {
         let hits = hits(composer, plan, &camera, GRID, GRID)?;
         let points: Vec<DVec3> = hits.into_iter().flatten().map(|(_, p)| p).collect();
+        if points.is_empty() && !is_found {
+            // What is much smaller than its ball falls between rays: look closer.
+            radius /= CLOSER;
+            camera = frame_automatically(radius);
+            continue;
+        }
         if points.is_empty() {
             break;
         }
-        camera = around(&camera, &points);
+        (camera, is_found) = (around(&camera, &points), true);
         if points.len() >= HITS {
             break;
         }
     }
-    Ok(camera)
+    Ok(if is_found { camera } else { first })
 }
 
 /// The camera in the same direction that sees points as large as the picture.
