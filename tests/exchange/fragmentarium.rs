@@ -105,7 +105,7 @@ fn shaders_are_recognised_by_what_they_compute() {
         for (what, changed) in [
             ("a step more", text.replace(" i++;", "z = abs(z) - 0.1; i++;")),
             ("another factor", text.replace("z = ", "z = 1.01 * ")),
-            ("another start", text.replace("vec3 z = p;", "vec3 z = p.yzx;")),
+            ("another start", text.replace("vec3 z = p;", "vec3 z = p + vec3(0.3, 0.1, -0.2);")),
             ("cut", text.replace("return 0.5", "return abs(p.x) + abs(p.y) + 900.0 * 0.5")),
         ] {
             assert_ne!(changed, text, "{name}: {what}");
@@ -150,7 +150,7 @@ fn easing_curves_are_animations() {
     let graph = std::fs::read_to_string(folder.path().join("out.ron")).unwrap();
     assert!(graph.contains("\"power\": (default: 3.0"), "{graph}");
     // A broken line of a preset that is not chosen refuses nothing.
-    let broken = text.replace("Power1:", "Power1 ");
+    let broken = text.replace("Power1:SineCurve:1:2:8:1:100:0.3:1:1.7:1:0", "Power1 moves");
     let (_folder, output) = import("Mandelbulb.frag", &broken, &["--preset", "Default"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let (_folder, output) = import("Mandelbulb.frag", &broken, &["--preset", "Range"]);

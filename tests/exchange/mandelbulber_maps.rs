@@ -124,12 +124,9 @@ fn rows_compute_the_programs_own_numbers() {
     for (main, slot, map, has_other_sign) in ROWS {
         let formula = imported("row.fract", &settings(main, &[slot]), &[]);
         for p in points {
-            let (found, expected) = (formula.orbit(p, 1), map(p));
-            for k in 0..3 {
-                let (found, expected) = match (k, has_other_sign) {
-                    (2, true) => (found[k].abs(), expected[k].abs()),
-                    _ => (found[k], expected[k]),
-                };
+            for (k, (found, expected)) in formula.orbit(p, 1).into_iter().zip(map(p)).enumerate() {
+                let is_turned = k == 2 && *has_other_sign;
+                let (found, expected) = if is_turned { (found.abs(), expected.abs()) } else { (found, expected) };
                 assert!(
                     (found - expected).abs() < 1e-9 * (1.0 + expected.abs()),
                     "{main} {slot} {p:?} {k}: {found}, not {expected}"
