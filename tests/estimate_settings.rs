@@ -2,7 +2,7 @@
 
 use bulbfold::check::{Backends, Formula, Target, truth};
 use bulbfold::compose::{Purpose, compose_estimator};
-use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method};
+use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, StopAt};
 use bulbfold::kernel::Kernel;
 use bulbfold::march::{MarchSettings, compose_march};
 
@@ -113,7 +113,7 @@ fn rays_stop_in_front_where_that_is_asked_for() {
         for (stop, pixels) in [("", 0.0), (", stop_at: 1", 1.0), (", stop_at: 5", 5.0)] {
             let formula = formula(&ball.replace("METHOD", method).replace("STOP", stop));
             let (plan, subject) = (formula.plan(), formula.subject());
-            assert_eq!(plan.stop_at.unwrap_or(0.0), pixels);
+            assert_eq!(plan.stop_at, (pixels > 0.0).then_some(StopAt::Pixels(pixels)));
             let rays = [([0.0, -3.0, 0.3], [0.0, 1.0, 0.0]), ([1.5, 2.0, -1.0], [-0.557086, -0.742781, 0.371391])];
             for target in backends.targets() {
                 let settings = MarchSettings::of_plan(plan, pixel_radius, target.min_difference());

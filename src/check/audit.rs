@@ -5,13 +5,13 @@
 //! of, or beside, what is proven empty is a false one, and a point of the set in front of the estimate's answer was
 //! missed: both are certain, whatever else is undecided.
 
-use super::random::Random;
 use crate::compose::Composer;
 use crate::diag::Diagnostic;
 use crate::graph::{EstimateSettings, Method};
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
 use crate::march::{MIN_DIFFERENCE_F64, is_undecided};
+use crate::math::random::Random;
 use crate::render::{Pipeline, RenderSettings, compose_pipeline};
 
 /// Rays that are marched at once, between two reports of progress.

@@ -3,11 +3,11 @@
 use super::agreement::agreement;
 use super::backends::{Backends, Target};
 use super::formula::rendered;
-use super::random::Random;
 use super::subject::Subject;
 use crate::compose::ComposeResult;
 use crate::diag::Span;
 use crate::graph::{Method, Symmetry, TestKind};
+use crate::math::random::Random;
 
 /// Points that symmetries are tried at.
 const SYMMETRY_POINTS: usize = 200;

@@ -7,12 +7,12 @@ use rhai::Map;
 use super::backends::{Backends, Target};
 use super::cases::expect_near;
 use super::formula::rendered;
-use super::random::Random;
 use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
 use crate::formula::library::Library;
 use crate::formula::shape::ShapeDistance;
 use crate::formula::step::{ParamValue, StateWidth, Step, StepExample, StepInputs, Traced, script_value};
 use crate::kernel::Kernel;
+use crate::math::random::Random;
 
 /// Random points of the derivative checks, and half the side of the box that they lie in.
 const POINTS: usize = 50;

@@ -3,12 +3,12 @@
 use std::rc::Rc;
 
 use super::backends::{Backends, Target};
-use super::random::Random;
 use super::steps::{StepCase, widths};
 use crate::expr::Arena;
 use crate::formula::library::Library;
 use crate::formula::step::{StateWidth, Step};
 use crate::kernel::Kernel;
+use crate::math::random::Random;
 
 /// Generic points at which the Jacobian is looked at, and half the side of the box that they lie in.
 const POINTS: usize = 40;

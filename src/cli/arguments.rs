@@ -5,7 +5,7 @@ use std::path::Path;
 use std::path::PathBuf;
 
 use bulbfold::calibrate::Budget;
-use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, PRESET, Quality};
+use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, PRESET, Quality, StopAt};
 use bulbfold::kernel::cpu::Precision;
 use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
 use bulbfold::shade::Size;
@@ -155,10 +155,10 @@ pub struct EstimateArgs {
     /// Shortest step of a ray as a share of the hit threshold, above 0 and at most 1 [default: 0.25]
     #[arg(long, value_name = "S", value_parser = parse_fudge)]
     pub least_step: Option<f64>,
-    /// Stop where the estimate is below so many pixels, as other programs do, and not at the set itself: faster, softer
-    /// and in front of it. Nothing is calibrated then, and proofs take no notice
-    #[arg(long, value_name = "PIXELS", value_parser = parse_stop)]
-    pub stop_at: Option<f64>,
+    /// Stop where the estimate is below so many pixels, or world units (0.01u), as other programs do, and not at the set
+    /// itself: faster, softer and in front of it. Nothing is calibrated then, and proofs take no notice
+    #[arg(long, value_name = "PIXELS|UNITSu", value_parser = StopAt::parse)]
+    pub stop_at: Option<StopAt>,
 }
 
 /// The distance estimate, where it can be measured.
@@ -239,13 +239,6 @@ impl EstimateArgs {
             stop_at: self.stop_at,
             ..EstimateSettings::default()
         }
-    }
-}
-
-fn parse_stop(text: &str) -> Result<f64, String> {
-    match parse_positive(text)? {
-        pixels if (1e-3..=100.0).contains(&pixels) => Ok(pixels),
-        _ => Err("it must be from 0.001 to 100".into()),
     }
 }
 

@@ -128,10 +128,8 @@ impl Probe<'_> {
         let estimator = estimator.map_err(|diagnostic| self.session.failure(diagnostic))?;
         let default = if self.arguments.hit_eps.is_some() { 0.0 } else { 1e-3 };
         let pixel_radius = self.arguments.pixel_radius.unwrap_or(default);
-        let settings = MarchSettings {
-            hit_eps: self.arguments.hit_eps.unwrap_or(0.0),
-            ..MarchSettings::of_plan(&plan, pixel_radius, self.precision.min_difference())
-        };
+        let settings = MarchSettings::of_plan(&plan, pixel_radius, self.precision.min_difference());
+        let settings = MarchSettings { hit_eps: self.arguments.hit_eps.unwrap_or(settings.hit_eps), ..settings };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
         let columns = ray_columns(rays, plan.bounding_radius)?;
         let results = self.job(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })?;

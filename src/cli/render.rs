@@ -75,6 +75,10 @@ pub struct Arguments {
     pub(super) camera: CameraArgs,
     #[command(flatten)]
     sweep: SweepArgs,
+    /// March every ray by itself, by steps no longer than an estimate, and every orbit to its end: what the short cuts (beams,
+    /// boxes, longer steps, early ends of orbits) are compared with
+    #[arg(long)]
+    exact_rays: bool,
     /// Print what was chosen and counted, to stderr
     #[arg(long)]
     pub(super) stats: bool,
@@ -132,6 +136,7 @@ impl Arguments {
             estimate,
             camera: CameraArgs::default(),
             sweep: SweepArgs::default(),
+            exact_rays: false,
             stats: false,
             json: false,
             threads: None,
@@ -184,6 +189,7 @@ impl Arguments {
             sampling: self.sampling.sampling(),
             min_difference: precision.min_difference(),
             estimate: self.estimate.estimate.settings(),
+            plain: self.exact_rays,
             ..RenderSettings::default()
         }
     }

@@ -158,6 +158,8 @@ impl Report<'_> {
         if stats.beams > 0 {
             let mean = ratio(stats.beam_estimates as f64, stats.beams as f64);
             row("beams", format!("{}, {mean:.1} estimates each", stats.beams));
+        } else if stats.are_beams_wrong {
+            row("beams", "none: rays end elsewhere with them, or the picture is too small to tell".to_string());
         }
         let parts = [stats.beam_estimates, stats.estimates, stats.shadow_estimates];
         let [beams, primary, shadow] = parts.map(each);

@@ -14,7 +14,7 @@ use bulbfold::frames::{FrameRenderer, Frames, JoinedFrames};
 use bulbfold::graph::{EstimateSettings, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError, Compiling};
 use bulbfold::precision::resolution;
-use bulbfold::render::{Iterations, RenderSettings, Stats, compose_pipeline, compose_planned};
+use bulbfold::render::{Iterations, RenderSettings, Stats, beams_hold, compose_pipeline, compose_planned};
 use clap::Args;
 use serde_json::json;
 
@@ -28,7 +28,7 @@ use super::range::Range;
 use super::render::{Arguments, render_file, settle_precision, with_view};
 use super::seen::{Wanted, framed, iterations};
 use super::session::talk;
-use super::{Failure, Outcome, Session, usage};
+use super::{Failure, Outcome, Session, message, usage};
 
 /// What makes a picture an animation.
 #[derive(Args, Default, Debug)]
@@ -117,7 +117,12 @@ pub fn run(
             }
         };
         let begun = Instant::now();
-        gathered.add(&arena, &compose_planned(&composer, &settings, plan).map_err(failed)?);
+        let mut pipeline = compose_planned(&composer, &settings, plan).map_err(failed)?;
+        let hold = beams_hold(&arena, &pipeline, &settings);
+        if !hold.map_err(|error| Failure::Work(message(&error.to_string(), "")))? {
+            pipeline.beams = None;
+        }
+        gathered.add(&arena, &pipeline);
         composing += begun.elapsed();
     }
     let joined = gathered.finish();

@@ -15,7 +15,7 @@ use bulbfold::kernel::{Backend, BackendError, Kernel};
 use bulbfold::march::MarchSettings;
 use bulbfold::render::{camera_of, in_precision};
 use bulbfold::shade::Size;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
 use super::arguments::{AutoArgs, BackendArg, ChangeArgs, PrecisionArg, parse_size};
@@ -71,6 +71,10 @@ pub struct Arguments {
     /// Print the table as Markdown
     #[arg(long, conflicts_with = "json")]
     pub(super) markdown: bool,
+    /// Whether orbits of the truth end where a pixel shows nothing of what they would still do; `never` runs them to the
+    /// iteration limit, and shares nothing with the march
+    #[arg(long, value_enum, default_value_t = TruthEnds::Measured)]
+    truth_ends: TruthEnds,
     #[command(flatten)]
     pub(super) estimate: AutoArgs,
     /// Precision of the march that is compared [default: f64]
@@ -79,6 +83,15 @@ pub struct Arguments {
     /// Where the march that is compared runs
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
+}
+
+/// Whether the truth's orbits end at the footprint.
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum TruthEnds {
+    /// Where members were found within the threshold wherever orbits end that early
+    Measured,
+    /// Nowhere: members alone count
+    Never,
 }
 
 /// Runs the command.
@@ -122,7 +135,9 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
 
     let start = Instant::now();
     let mut progress = Progress::new(false);
-    let truths = Truths::find(&composer, &plan.choices, &rays, scale, &mut |share| {
+    let exact = plan.clone().with_late_ends();
+    let judges = if arguments.truth_ends == TruthEnds::Never { &exact } else { &plan };
+    let truths = Truths::find(&composer, &judges.choices, &rays, scale, &mut |share| {
         progress.update(share);
         true
     });

@@ -3,12 +3,13 @@
 
 use super::maps::{scalar_rules, steps_of};
 use super::measure::{measure_extent, measure_growth, measure_tightness};
+use super::nearby::{measure_ends, measure_stops};
 use super::reach::{FAR, Found, Reach, has_endless_primitives, member_beyond, primitive_reach, search};
 use super::{ComposeResult, Composer, FieldOrbit, field_orbits};
 use crate::formula::step::{Growth, ScalarRule};
 use crate::graph::{
     DeForm, Difference, DifferenceStep, Escape, EstimateSettings, Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method,
-    NodeKind, NodeRef,
+    NodeKind, NodeRef, StopAt,
 };
 
 /// How distances are estimated from one orbit.
@@ -32,6 +33,10 @@ pub struct Choice {
     pub differentiable: bool,
     /// Whether the scalar rules grow as fast as orbits do, as measured; false where not every step has one.
     pub tight: bool,
+    /// Whether orbits may end at the footprint, as measured: members of the set are within the threshold then.
+    pub ends: bool,
+    /// Whether rays stop at a threshold: the field then says 0 where it does not know that something is within it.
+    pub stops: bool,
     /// Radius of a ball around the orbit's own origin that holds the set, as measured.
     pub extent: f64,
     /// Whether orbits end by the length of z: only then does the size of the threshold's image tell how much of the set is near.
@@ -57,6 +62,8 @@ impl Default for Choice {
             fudge: 1.0,
             differentiable: false,
             tight: false,
+            ends: false,
+            stops: false,
             extent: 0.0,
             by_length: true,
             unit: UNIT_F32,
@@ -81,8 +88,8 @@ pub struct Plan {
     pub fudge: f64,
     /// Shortest step of a march, as a share of the hit threshold: the least that is asked for.
     pub least_step: f64,
-    /// Estimate, in pixels, below which a ray stops: the least that is asked for. `None` stops at members alone.
-    pub stop_at: Option<f64>,
+    /// Estimate below which a ray stops: the nearest to the set that is asked for. `None` stops at members alone.
+    pub stop_at: Option<StopAt>,
     /// Step of finite differences: the first that an orbit asks for.
     pub difference_step: DifferenceStep,
     /// What a user should know, for example that a method that was asked for does not apply.
@@ -98,6 +105,13 @@ impl Plan {
     /// True where every orbit is certified: the march then proposes how far a proof is to reach.
     pub fn is_certified(&self) -> bool {
         !self.choices.is_empty() && self.choices.iter().all(|c| c.method.is_certified())
+    }
+
+    /// The same with orbits that run on until they escape or `max_iterations` are done.
+    #[must_use]
+    pub fn with_late_ends(mut self) -> Plan {
+        self.choices.iter_mut().for_each(|choice| choice.ends = false);
+        self
     }
 
     /// Methods that apply to every orbit; `own` where there is none.
@@ -135,10 +149,8 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     }
     let mut radii = Vec::new();
     for (orbit, choice) in orbits.iter().zip(&mut choices) {
-        let extent = measure_extent(composer, orbit)?;
-        choice.extent = extent;
-        let has_both = [Method::Scalar, Method::Directional].iter().all(|m| choice.applicable.contains(m));
-        choice.tight = has_both && !choice.form.is_shape() && measure_tightness(composer, orbit, extent)?;
+        measure_set(composer, orbit, choice)?;
+        let extent = choice.extent;
         let fixed = wanted.or(orbit.settings.estimate).radius;
         if matches!(choice.form, DeForm::Linear | DeForm::Box) {
             // Beyond half the escape radius the form would say 0 right where orbits escape.
@@ -157,14 +169,56 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     }
     let steps = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).step);
     let difference_step = steps.into_iter().next().unwrap_or_default();
-    let stops = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).stop_at);
-    let stop_at = stops.chain(wanted.stop_at).reduce(f64::min);
     let shares = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).least_step);
     let least_step = shares.chain(wanted.least_step).reduce(f64::min);
     let certified = choices.iter().any(|choice| choice.method.is_certified());
     let least_step = least_step.unwrap_or(if certified { LEAST_STEP_OF_PROOFS } else { LEAST_STEP });
-    let stop_at = stop_at.filter(|_| !certified);
+    let stop_at = if certified { None } else { choose_stop(composer, wanted, (&orbits, &mut choices), &mut warnings)? };
     Ok(Plan { choices, bounding_radius, reach, members, fudge, least_step, stop_at, difference_step, warnings })
+}
+
+/// Measures what a choice says of the set: its extent, and what may be trusted.
+fn measure_set(composer: &Composer, orbit: &FieldOrbit, choice: &mut Choice) -> ComposeResult<()> {
+    choice.extent = measure_extent(composer, orbit)?;
+    if !choice.form.is_shape() {
+        let has_both = [Method::Scalar, Method::Directional].iter().all(|m| choice.applicable.contains(m));
+        choice.tight = has_both && measure_tightness(composer, orbit, choice.extent)?;
+        choice.ends = choice.by_length && measure_ends(composer, orbit, choice)?;
+    }
+    Ok(())
+}
+
+/// The threshold that rays stop at: what the command line or the file asks for, as long as every orbit's estimate means
+/// that members are near where it is that small.
+fn choose_stop(
+    composer: &Composer,
+    wanted: &EstimateSettings,
+    (orbits, choices): (&[FieldOrbit], &mut [Choice]),
+    warnings: &mut Vec<String>,
+) -> ComposeResult<Option<StopAt>> {
+    let graph = composer.graph;
+    let own = match &graph.node(graph.output).kind {
+        NodeKind::Orbit { settings, .. } => settings.estimate.stop_at,
+        _ => None,
+    };
+    let Some(stop_at) = wanted.stop_at.or(own).or(graph.orbit.estimate.stop_at) else { return Ok(None) };
+    let world = match stop_at {
+        StopAt::Pixels(_) => None,
+        StopAt::World(length) => Some(length),
+    };
+    for (orbit, choice) in orbits.iter().zip(&*choices).filter(|(_, choice)| !choice.form.is_shape()) {
+        let scale = orbit.frame.reach(1.0).map_or(1.0, |reach| reach - orbit.frame.reach(0.0).unwrap_or(0.0));
+        if !measure_stops(composer, orbit, choice, world.map(|length| length / scale.max(1e-30)))? {
+            let (name, method) = (&composer.graph.node(orbit.root).name, choice.method.name());
+            warnings.push(format!(
+                "rays go on to the set: where the estimate of `{name}` by `{method}` is below `stop_at` there is nothing near; \
+                 another method may do (`--de jacobian`, `--de delta`)"
+            ));
+            return Ok(None);
+        }
+    }
+    choices.iter_mut().for_each(|choice| choice.stops = true);
+    Ok(Some(stop_at))
 }
 
 fn choose_orbit(
@@ -255,6 +309,8 @@ fn choose_orbit(
         fudge: settings.fudge.unwrap_or(default_fudge),
         differentiable: facts.blocking.is_none(),
         tight: false,
+        ends: false,
+        stops: false,
         extent: 0.0,
         by_length: escape == Escape::Length,
         unit: UNIT_F32,

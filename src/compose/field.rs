@@ -115,6 +115,9 @@ fn field_primitives(composer: &Composer) -> Vec<NodeRef> {
 
 /// Builds the estimator of the whole field. `choices` has one entry for each of [`field_orbits`].
 pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpose) -> ComposeResult<Estimator> {
+    if purpose == Purpose::Surface && choices.iter().any(|choice| choice.stops) {
+        return super::soft::compose_soft_surface(composer, choices);
+    }
     let specs = field_orbits(composer);
     let mut orbits = Vec::new();
     for (i, (spec, choice)) in specs.iter().zip(choices).enumerate() {
@@ -122,22 +125,7 @@ pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpo
         orbits.push(compose_orbit(composer, name, spec.root, &spec.settings, &spec.frame, choice, purpose)?);
     }
     let mut inputs = Estimator::inputs();
-    let mut leaves = Vec::new();
-    for orbit in &orbits {
-        let mut input = |port: Port| {
-            inputs.push(port.clone());
-            composer.arena.input((inputs.len() - 1) as u16, port.ty)
-        };
-        let outputs: Vec<Expr> = orbit
-            .finish
-            .output_ports()
-            .into_iter()
-            .map(|port| input(Port::new(format!("{}_{}", orbit.name, port.name), port.ty)))
-            .collect();
-        let inside = input(Port::new(format!("{}_inside", orbit.name), Type::B));
-        let n = input(Port::new(format!("{}_n", orbit.name), Type::F));
-        leaves.push(Leaf { outputs, inside, n });
-    }
+    let leaves: Vec<Leaf> = orbits.iter().map(|orbit| Leaf::new(composer.arena, orbit, &mut inputs)).collect();
     let mut combine = Function::new("combine", inputs);
     let EstimatorInputs { p, .. } = EstimatorInputs::new(composer.arena);
     let (at, n) = (p, composer.arena.f(0.0));
@@ -149,7 +137,7 @@ pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpo
 }
 
 /// Makes 0 of the orbits' results that nothing reads: what they took is then computed no more.
-fn drop_unread(arena: &Arena, orbits: &mut [Orbit], combine: &Function) {
+pub(super) fn drop_unread(arena: &Arena, orbits: &mut [Orbit], combine: &Function) {
     let mut at = Estimator::inputs().len();
     for orbit in orbits {
         for (port, value) in &mut orbit.finish.outputs {
@@ -164,27 +152,39 @@ fn drop_unread(arena: &Arena, orbits: &mut [Orbit], combine: &Function) {
 }
 
 /// An orbit's results as inputs of `combine`.
-struct Leaf<'g> {
+pub(super) struct Leaf<'g> {
     /// `de, ...` or, for a surface, `gradient, trap, de`.
     outputs: Vec<Expr<'g>>,
     inside: Expr<'g>,
     n: Expr<'g>,
 }
 
+impl<'g> Leaf<'g> {
+    /// The results of an orbit, as further inputs.
+    pub(super) fn new(arena: &'g Arena, orbit: &Orbit, inputs: &mut Vec<Port>) -> Leaf<'g> {
+        let mut input = |name: &str, ty: Type| {
+            inputs.push(Port::new(format!("{}_{name}", orbit.name), ty));
+            arena.input((inputs.len() - 1) as u16, ty)
+        };
+        let outputs = orbit.finish.output_ports().iter().map(|port| input(&port.name, port.ty)).collect();
+        Leaf { outputs, inside: input("inside", Type::B), n: input("n", Type::F) }
+    }
+}
+
 #[derive(Clone, Copy)]
-struct FieldBuilder<'a, 'g> {
-    composer: &'a Composer<'g>,
-    specs: &'a [FieldOrbit],
-    choices: &'a [Choice],
+pub(super) struct FieldBuilder<'a, 'g> {
+    pub(super) composer: &'a Composer<'g>,
+    pub(super) specs: &'a [FieldOrbit],
+    pub(super) choices: &'a [Choice],
     /// Results of the orbits; without them orbits are unrolled.
-    leaves: Option<&'a [Leaf<'g>]>,
-    purpose: Purpose,
+    pub(super) leaves: Option<&'a [Leaf<'g>]>,
+    pub(super) purpose: Purpose,
     /// Where the field is looked up, three or four components.
-    at: Expr<'g>,
+    pub(super) at: Expr<'g>,
     /// Number of the iteration, which parameters of shapes may depend on.
-    n: Expr<'g>,
+    pub(super) n: Expr<'g>,
     /// Colours of the part that is looked up.
-    palette: &'a Palette,
+    pub(super) palette: &'a Palette,
 }
 
 /// The signed distance of a field from a point of its frame, three or four components: what end shapes say. Orbits in it
@@ -207,7 +207,7 @@ impl<'g> FieldBuilder<'_, 'g> {
         let value = self.value(self.composer.graph.output, &Frame::default())?;
         match self.purpose {
             Purpose::Estimate | Purpose::Proof | Purpose::March | Purpose::Truth => {
-                combine.output("de", value.d);
+                combine.output("de", self.seen(&value));
                 combine.output("inside", value.inside);
             }
             Purpose::Surface => {
@@ -234,7 +234,19 @@ impl<'g> FieldBuilder<'_, 'g> {
         Ok(())
     }
 
-    fn value(&self, node: NodeRef, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
+    /// The distance as a march sees it: 0, which is nothing known, where rays stop at thresholds and what is this near was cut away.
+    fn seen(&self, value: &FieldValue<'g>) -> Expr<'g> {
+        match value.unclear.filter(|_| self.choices.iter().any(|choice| choice.stops)) {
+            Some(unclear) => {
+                let near = value.d.lt(EstimatorInputs::new(self.composer.arena).hit_eps);
+                unclear.and(near).select(value.d.lift(0.0), value.d)
+            }
+            None => value.d,
+        }
+    }
+
+    /// The value of a node.
+    pub(super) fn value(&self, node: NodeRef, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
         let graph = self.composer.graph;
         let is_it = |part: &&Part| match graph.node(node).kind {
             NodeKind::Orbit { of, .. } => part.node == of || part.node == node,
@@ -264,7 +276,7 @@ impl<'g> FieldBuilder<'_, 'g> {
                     let up = if at.ty().width == 4 { 0.0 } else { frame.slice() };
                     let settings = OrbitSettings { slice: settings.slice + up, ..(**settings).clone() };
                     let (d, inside) = unrolled(self.composer, *of, &settings, at)?;
-                    FieldValue::plain(self.back(frame, d)?, inside)
+                    FieldValue { shallow: Some(inside), ..FieldValue::plain(self.back(frame, d)?, inside) }
                 }
             },
             NodeKind::Primitive(primitive) => self.primitive(node, primitive, frame)?,
@@ -360,8 +372,9 @@ impl<'g> FieldBuilder<'_, 'g> {
             }
             false => d,
         };
-        let trap = shown(1);
-        Ok(FieldValue { d, inside, gradient: shown(0), trap, albedo: self.albedo(trap), decider })
+        let (trap, shallow) = (shown(1), (!is_shape).then_some(inside));
+        let albedo = self.albedo(trap);
+        Ok(FieldValue { d, inside, unclear: None, shallow, gradient: shown(0), trap, albedo, decider })
     }
 
     /// Of a large set that rays come to from far away: half the way to its middle is the most that an estimate says, since
@@ -392,7 +405,9 @@ impl<'g> FieldBuilder<'_, 'g> {
             }
             _ => signed_distance(primitive, local),
         };
-        Ok(self.own(node, d, d.le(limit), smooth))
+        let value = self.own(node, d, d.le(limit), smooth);
+        let is_flat = matches!(primitive, Primitive::Sphere { form: SphereForm::Solid | SphereForm::Shell, .. });
+        Ok(FieldValue { shallow: is_flat.then_some(value.inside), ..value })
     }
 
     /// A shape of a step file.
@@ -438,7 +453,8 @@ impl<'g> FieldBuilder<'_, 'g> {
             arena.f((2 * self.specs.len() + k) as f64)
         });
         let trap = surface.then(|| untouched(arena));
-        FieldValue { d, inside, gradient, trap, albedo: self.albedo(trap), decider }
+        let albedo = self.albedo(trap);
+        FieldValue { d, inside, unclear: None, shallow: None, gradient, trap, albedo, decider }
     }
 }
 

@@ -25,6 +25,7 @@ pub(super) const SHARE_OF_TRUTH: f64 = 1.0 / COVERS;
 /// True where orbits end at the footprint once something that tells of it is carried: in marches of a set of known extent.
 pub(super) fn can_follow_footprint(choice: &Choice, purpose: Purpose) -> bool {
     matches!(purpose, Purpose::March | Purpose::Truth)
+        && choice.ends
         && choice.extent > 0.0
         && choice.by_length
         && !choice.form.is_shape()

@@ -12,7 +12,7 @@ use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
 
 /// Unit vectors spread evenly over the sphere (Fibonacci lattice), turned by `turn`.
-fn directions(count: usize, turn: f64) -> Vec<[f64; 3]> {
+pub(super) fn directions(count: usize, turn: f64) -> Vec<[f64; 3]> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count)
         .map(|i| {

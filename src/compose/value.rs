@@ -9,6 +9,11 @@ pub(super) struct FieldValue<'g> {
     pub(super) d: Expr<'g>,
     /// Whether the point is in.
     pub(super) inside: Expr<'g>,
+    /// Where the point is out, but the distance is not known: it is in what was cut away, and nobody knows how deep. Nowhere where
+    /// absent.
+    pub(super) unclear: Option<Expr<'g>>,
+    /// Where the point is in, but not how deep.
+    pub(super) shallow: Option<Expr<'g>>,
     /// For surfaces: unit gradient.
     pub(super) gradient: Option<Expr<'g>>,
     /// For surfaces: traps.
@@ -22,15 +27,19 @@ pub(super) struct FieldValue<'g> {
 impl<'g> FieldValue<'g> {
     /// A distance and membership alone.
     pub(super) fn plain(d: Expr<'g>, inside: Expr<'g>) -> FieldValue<'g> {
-        FieldValue { d, inside, gradient: None, trap: None, albedo: None, decider: None }
+        let (unclear, shallow) = (None, None);
+        FieldValue { d, inside, unclear, shallow, gradient: None, trap: None, albedo: None, decider: None }
     }
 
     /// The first field where the condition holds, with another distance and membership.
     fn pick(self, other: Self, first: Expr<'g>, d: Expr<'g>, inside: Expr<'g>) -> Self {
         let pick = |a: Option<Expr<'g>>, b: Option<Expr<'g>>| a.zip(b).map(|(a, b)| first.select(a, b));
+        let either = |a: Option<Expr<'g>>, b: Option<Expr<'g>>| a.zip(b).map_or(a.or(b), |(a, b)| Some(a.or(b)));
         FieldValue {
             d,
             inside,
+            unclear: either(self.unclear, other.unclear).map(|unclear| unclear.and(!inside)),
+            shallow: either(self.shallow, other.shallow).map(|shallow| shallow.and(inside)),
             gradient: pick(self.gradient, other.gradient),
             trap: pick(self.trap, other.trap),
             albedo: pick(self.albedo, other.albedo),
@@ -50,7 +59,8 @@ impl<'g> FieldValue<'g> {
 
     /// What the field leaves of all.
     pub(super) fn turned(self) -> Self {
-        FieldValue { d: -self.d, inside: !self.inside, gradient: self.gradient.map(|g| -g), ..self }
+        let (unclear, shallow) = (self.shallow, self.unclear);
+        FieldValue { d: -self.d, inside: !self.inside, unclear, shallow, gradient: self.gradient.map(|g| -g), ..self }
     }
 
     /// The union with a rounded seam, by the polynomial smooth minimum: at most a quarter of the radius below the smaller
@@ -59,7 +69,10 @@ impl<'g> FieldValue<'g> {
         let zero = self.d.lift(0.0);
         let overlap = (self.d.lift(radius) - (self.d - other.d).abs()).max(zero) * (1.0 / radius);
         let d = self.d.min(other.d) - overlap * overlap * (radius * 0.25);
-        let inside = self.inside.or(other.inside).or(d.le(zero));
+        // A distance that is not known is 0 and no evidence of a seam.
+        let is_known = [self.unclear, other.unclear].into_iter().flatten().map(|unclear| !unclear);
+        let seam = is_known.fold(d.le(zero), |seam, known| seam.and(known));
+        let inside = self.inside.or(other.inside).or(seam);
         let share = overlap * 0.5;
         let near = self.d.le(other.d);
         let blend = |a: Expr<'g>, b: Expr<'g>| near.select(a.mix(b, share), b.mix(a, share));

@@ -27,5 +27,5 @@ mod simplify;
 
 pub use arena::{Arena, Expr, Node, NodeId, Op, Type};
 pub use differentiate::Differentiator;
-pub use enclose::{Bounds, Encloser};
+pub use enclose::{Bounds, Encloser, substitute};
 pub use function::{Function, Port};

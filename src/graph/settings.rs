@@ -255,6 +255,35 @@ pub const LEAST_STEP: f64 = 0.25;
 /// over none. They cost no more: what the walk takes longer, shorter proofs save.
 pub const LEAST_STEP_OF_PROOFS: f64 = 1.0 / 128.0;
 
+/// The estimate below which a ray stops.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum StopAt {
+    /// In pixels, from 0.001 to 100: it grows with the distance.
+    Pixels(f64),
+    /// In world units, above 0 and at most 1e6.
+    World(f64),
+}
+
+impl StopAt {
+    /// Pixels that a ray may stop at.
+    pub const PIXELS: [f64; 2] = [1e-3, 100.0];
+    /// World units.
+    pub const WORLD: [f64; 2] = [1e-12, 1e6];
+
+    /// Reads a number of pixels, such as `0.5`, or of world units, such as `0.01u`. The error says what is expected.
+    pub fn parse(text: &str) -> Result<StopAt, String> {
+        let (number, make, [least, most]): (&str, fn(f64) -> StopAt, [f64; 2]) = match text.trim().strip_suffix('u') {
+            Some(number) => (number, StopAt::World, StopAt::WORLD),
+            None => (text, StopAt::Pixels, StopAt::PIXELS),
+        };
+        match number.trim().parse::<f64>() {
+            Ok(number) if (least..=most).contains(&number) => Ok(make(number)),
+            Ok(_) => Err(format!("it must be from {least} to {most}")),
+            Err(_) => Err("write pixels such as 0.5, or world units such as 0.01u".to_string()),
+        }
+    }
+}
+
 /// What a file fixes about the estimate; `None` is chosen automatically.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub struct EstimateSettings {
@@ -275,8 +304,8 @@ pub struct EstimateSettings {
     pub step: Option<DifferenceStep>,
     /// Shortest step of a march, as a share of the hit threshold, in (0, 1].
     pub least_step: Option<f64>,
-    /// Estimate, in pixels, below which a ray stops; `None` stops at members of the set alone.
-    pub stop_at: Option<f64>,
+    /// Estimate below which a ray stops; `None` stops at members of the set alone.
+    pub stop_at: Option<StopAt>,
     /// What the choice goes for besides the error budget.
     pub quality: Option<Quality>,
     /// Rows of the picture that these were measured on, where they are the outcome of a calibration.

@@ -50,6 +50,7 @@ pub(super) fn validate(library: &Library, mut graph: Graph, d: &mut Diagnostics)
         return None;
     }
     warn_unused(&graph, d);
+    warn_nested_stops(&graph, d);
     Some(ValidGraph(graph))
 }
 
@@ -296,6 +297,24 @@ fn warn_unused(graph: &Graph, d: &mut Diagnostics) {
     }
     for (node, _) in graph.nodes.iter().zip(used).filter(|(_, used)| !used) {
         d.push(Diagnostic::warning(format!("nothing uses the node `{}`", node.name)).label(node.span, ""));
+    }
+}
+
+/// A threshold is one of rays: within a field it would change what is cut and joined.
+fn warn_nested_stops(graph: &Graph, d: &mut Diagnostics) {
+    let file = graph.orbit.estimate.stop_at;
+    for (i, node) in graph.nodes.iter().enumerate().filter(|(i, _)| *i != graph.output.0) {
+        let NodeKind::Orbit { settings, .. } = &node.kind else { continue };
+        if settings.estimate.stop_at.is_some() && settings.estimate.stop_at != file {
+            d.push(
+                Diagnostic::warning(format!(
+                    "`stop_at` of the orbit `{}` is not used: rays stop, not fields",
+                    graph.nodes[i].name
+                ))
+                .label(node.span, "this orbit is a part of the field")
+                .help("write `estimate: (stop_at: ...)` beside `output`"),
+            );
+        }
     }
 }
 

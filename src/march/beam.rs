@@ -56,6 +56,11 @@ fn spread<'g>(ray: &Inputs<'g>) -> Expr<'g> {
     1.0 / ray.direction.length()
 }
 
+/// The hit threshold of the rays at the beam's end.
+fn hit_eps<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
+    ray.t / spread(ray) * settings.pixel_radius + settings.hit_eps
+}
+
 fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     let mut function = Function::new("locate", ports());
     let ray = Inputs::new(arena);
@@ -68,7 +73,7 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
     function.output("p", p);
     function.output("d", ray.direction * spread);
     function.output("h", h);
-    function.output("hit_eps", ray.t / spread * settings.pixel_radius + settings.hit_eps);
+    function.output("hit_eps", hit_eps(&ray, settings));
     function
 }
 
@@ -90,8 +95,13 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let zero = arena.f(0.0);
     let usable = inside.select(zero, zero.le(de).select(de, zero));
     let certain = if settings.certified { 1.0 } else { settings.fudge * CAUTION };
-    let ball = usable * certain;
     let (w, spread) = (ray.t, spread(&ray));
+    // Rays that stop at a threshold stop in front of what is empty.
+    let free = match settings.stops_at_threshold {
+        true => (usable - hit_eps(&ray, settings)).max(zero),
+        false => usable,
+    };
+    let ball = free * certain;
     let half = w * spread * 0.5;
     let room = (ball * ball - w * w + half * half).max(zero).sqrt() - half;
     // Nothing at all is gained where the ball does not even hold the disc.

@@ -21,7 +21,7 @@ pub use still::{compose_still, still_plan};
 use self::relaxed::Relaxed;
 use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Port, Type};
-use crate::graph::{DifferenceStep, LEAST_STEP};
+use crate::graph::{DifferenceStep, LEAST_STEP, StopAt};
 use crate::kernel::{Estimator, March, Status, march_state_ports, ray_ports};
 
 /// How far rays go and when they stop.
@@ -83,8 +83,16 @@ impl MarchSettings {
     pub fn of_plan(plan: &Plan, pixel_radius: f64, min_difference: f64) -> MarchSettings {
         MarchSettings {
             fudge: plan.fudge,
-            // Half a pixel, or as many as the plan says.
-            pixel_radius: plan.stop_at.map_or(1.0, |pixels| 2.0 * pixels) * pixel_radius,
+            // Half a pixel, or what the plan says.
+            pixel_radius: match plan.stop_at {
+                None => pixel_radius,
+                Some(StopAt::Pixels(pixels)) => 2.0 * pixels * pixel_radius,
+                Some(StopAt::World(_)) => 0.0,
+            },
+            hit_eps: match plan.stop_at {
+                Some(StopAt::World(length)) => length,
+                _ => 0.0,
+            },
             stops_at_threshold: plan.stop_at.is_some(),
             least_step: plan.least_step,
             min_difference,
@@ -226,7 +234,8 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let narrow = width.le(narrow_gap(&ray, settings)).or(t_outside.lt(zero));
     let bisected = crossed.and(narrow);
     let below = usable.lt(hit_eps);
-    let near = settings.stops_at_threshold.then(|| below.and(!inside));
+    // An estimate of 0 outside says that nothing is known.
+    let near = settings.stops_at_threshold.then(|| below.and(zero.lt(de)).and(!inside));
     let hit = near.map_or(bisected, |near| near.or(bisected));
     let t_inside = near.map_or(t_inside, |near| near.select(ray.t, t_inside));
     let goes_on = !near.map_or(crossed, |near| near.or(crossed));

@@ -49,7 +49,8 @@ pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &Marc
     let shortest = if settings.certified { LEAST_STEP_OF_PROOFS } else { LEAST_STEP };
     let least_step = settings.least_step.max(shortest);
     let pixel_radius = settings.pixel_radius * COARSER;
-    let coarse = MarchSettings { least_step, pixel_radius, relaxation, ..*settings };
+    let hit_eps = settings.hit_eps * COARSER;
+    let coarse = MarchSettings { least_step, pixel_radius, hit_eps, relaxation, ..*settings };
     let mut march = stop_at_crossing(arena, &compose_march(arena, estimator, &coarse));
     // Where proofs are short, nothing needs be near.
     if settings.certified {

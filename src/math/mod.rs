@@ -24,6 +24,7 @@
 //! the zeroth. Beyond 6e6, sine and cosine of `Lanes` are those of some other angle.
 
 pub mod lanes;
+pub mod random;
 pub mod real;
 pub mod scalar;
 

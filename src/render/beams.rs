@@ -146,16 +146,49 @@ impl<B: Backend> Beams<B> {
         self.tiles.edges.iter().try_fold(start, |around, &edge| self.march(backend, edge, pixels, &around))
     }
 
+    /// How far nothing is for all rays through each of some pixels: the same as [`Beams::starts`] has for them.
+    pub fn starts_of(&self, backend: &B, pixels: &[(u32, u32)]) -> Result<Vec<f64>, BackendError> {
+        self.tiles.edges.iter().try_fold(vec![0.0; pixels.len()], |begin, &edge| {
+            let shift = edge.trailing_zeros();
+            let places: Vec<(u32, u32)> = pixels.iter().map(|&(x, y)| (x >> shift, y >> shift)).collect();
+            Ok(self.ends(backend, edge, &places, begin)?.0)
+        })
+    }
+
     /// Marches the beams of all tiles of an edge that have some of the pixels, from where those around them ended.
     fn march(&self, backend: &B, edge: u32, pixels: Tile, around: &Starts) -> Result<Starts, BackendError> {
         let shift = edge.trailing_zeros();
         let tiles = pixels.grouped(shift);
         let places = tiles.pixels();
+        let begin = places.iter().map(|&(x, y)| around.at((x << shift, y << shift))).collect();
+        let (ends, estimates) = self.ends(backend, edge, &places, begin)?;
+        let mut starts = Starts {
+            shift,
+            tiles,
+            depths: vec![0.0; places.len()],
+            beams: around.beams + places.len() as u64,
+            estimates: around.estimates + estimates,
+        };
+        for (&place, end) in places.iter().zip(ends) {
+            let index = starts.index(place);
+            starts.depths[index] = end;
+        }
+        Ok(starts)
+    }
+
+    /// Where the beams of tiles of an edge end that begin at these depths, and their estimates.
+    fn ends(
+        &self,
+        backend: &B,
+        edge: u32,
+        places: &[(u32, u32)],
+        begin: Vec<f64>,
+    ) -> Result<(Vec<f64>, u64), BackendError> {
+        let shift = edge.trailing_zeros();
         let half = f64::from(edge) / 2.0;
         let centre = |of: fn(&(u32, u32)) -> u32| places.iter().map(|p| f64::from(of(p) << shift) + half).collect();
         // Half the diagonal of the tile in the plane at distance 1; on the unit sphere it is no longer.
         let spread = f64::from(edge) * self.tiles.pixel_radius * std::f64::consts::SQRT_2 * (1.0 + WIDER);
-        let begin = places.iter().map(|&(x, y)| around.at((x << shift, y << shift))).collect();
         let columns = [centre(|p| p.0), centre(|p| p.1), vec![spread; places.len()], begin];
         let rays = backend.run(&self.camera, &[&backend.upload(&columns)?])?;
         let ends = backend.run(&self.march, &[&rays])?;
@@ -166,17 +199,7 @@ impl<B: Backend> Beams<B> {
             // A hit threshold in front, so that rounding puts no ray behind the end.
             _ => w / spread * (1.0 - self.tiles.pixel_radius),
         };
-        let mut starts = Starts {
-            shift,
-            tiles,
-            depths: vec![0.0; places.len()],
-            beams: around.beams + places.len() as u64,
-            estimates: around.estimates + steps.iter().sum::<f64>() as u64,
-        };
-        for (&place, (&status, &w)) in places.iter().zip(status.iter().zip(t)) {
-            let index = starts.index(place);
-            starts.depths[index] = end(status, w);
-        }
-        Ok(starts)
+        let ends = status.iter().zip(t).map(|(&status, &w)| end(status, w)).collect();
+        Ok((ends, steps.iter().sum::<f64>() as u64))
     }
 }

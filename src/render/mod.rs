@@ -5,6 +5,7 @@
 //! second one takes all samples (see [`Sampling`]). Every ray is marched alone, so how a picture is cut never shows in it.
 
 mod beams;
+mod checked;
 mod framing;
 mod meter;
 mod picture;
@@ -16,6 +17,7 @@ mod renderer;
 mod stats;
 
 pub use beams::{BeamKernels, BeamTiles};
+pub use checked::beams_hold;
 pub use framing::{Iterations, Standpoint, automatic_camera, camera_of, standpoint};
 pub use pipeline::{Pipeline, Shape, compose_pipeline, compose_planned, in_precision};
 pub use renderer::{Cut, Renderer};
@@ -33,6 +35,18 @@ pub enum Sampling {
     Adaptive,
     /// All of them.
     Full,
+}
+
+/// Whether a picture has beams.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub enum BeamUse {
+    /// None.
+    Off,
+    /// Where rays of the picture come to the same with and without them (see [`beams_hold`]).
+    #[default]
+    Tried,
+    /// Wherever estimates hold all around their point, right or wrong.
+    Untried,
 }
 
 /// What a picture needs besides its fractal.
@@ -56,6 +70,10 @@ pub struct RenderSettings {
     /// A box around the set is looked for, which takes some milliseconds, and rays are cut to it (see [`Bounds`](crate::compose::Bounds));
     /// not where the picture is small or `plain`.
     pub boxed: bool,
+    /// Whether beams find out for many pixels at once how far nothing is; not where `plain`.
+    pub beams: BeamUse,
+    /// Orbits end at the footprint, where that can be trusted; not where `plain`.
+    pub early_ends: bool,
 }
 
 impl Default for RenderSettings {
@@ -69,6 +87,8 @@ impl Default for RenderSettings {
             min_difference: MIN_DIFFERENCE_F32,
             plain: false,
             boxed: false,
+            beams: BeamUse::default(),
+            early_ends: true,
         }
     }
 }

@@ -1,11 +1,12 @@
 //! The kernels of a picture, composed from a fractal, its view and its plan.
 
-use super::RenderSettings;
 use super::beams::{BeamKernels, BeamTiles};
+use super::checked::box_holds;
 use super::framing::camera_of;
 use super::plane::compose_plane;
+use super::{BeamUse, RenderSettings};
 use crate::compose::choose::{UNIT_F32, UNIT_F64};
-use crate::compose::{Bounds, Choice, Composer, Plan, Purpose, choose, compose_estimator};
+use crate::compose::{Bounds, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::graph::{Camera, Look, Plane};
 use crate::kernel::Kernel;
@@ -82,6 +83,9 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
 /// Composes the kernels of a fractal's picture with the estimates of a plan; `settings.estimate` is not asked.
 pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan: Plan) -> Result<Pipeline, Diagnostic> {
     plan = in_precision(plan, settings.min_difference);
+    if !settings.early_ends {
+        plan = plan.with_late_ends();
+    }
     if let Some(plane) = &composer.graph.plane {
         return compose_plane(composer, plane, settings, &plan);
     }
@@ -91,26 +95,20 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let frame = CameraFrame::new(&camera);
     let pixel_radius = shade::pixel_radius(&camera, settings.size);
     let mut march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
-    let samples = [settings.size.width, settings.size.height, settings.samples, settings.samples].map(u64::from);
-    let is_large = samples.iter().product::<u64>() >= LEAST_BOXED;
-    let bounds = match settings.boxed && is_large && !settings.plain {
-        true => Bounds::prove(composer, &plan)?,
-        false => Bounds::ball(plan.bounding_radius),
-    };
-    let beams = match settings.plain {
-        true => None,
-        false => BeamKernels::new(composer, &plan, &camera, (settings, &bounds), &march)?,
-    };
     if settings.plain {
         march.relaxation = 1.0;
     }
-    let choices: &[Choice] = &plan.choices;
     let purpose = if settings.plain { Purpose::Estimate } else { Purpose::March };
-    let estimator = compose_estimator(composer, choices, purpose)?;
-    let radius = plan.bounding_radius;
+    let estimator = compose_estimator(composer, &plan.choices, purpose)?;
+    let marched = Kernel::March(compose_march(arena, estimator.clone(), &march));
+    let bounds = bounds_of(composer, &plan, &camera, settings, &marched)?;
+    let beams = match settings.plain || settings.beams == BeamUse::Off {
+        true => None,
+        false => BeamKernels::new(composer, &plan, &camera, (settings, &bounds), &march)?,
+    };
     let sun = shade::sun_direction(look, &frame);
     let shadow_march = look.shadows.then(|| match settings.plain {
-        true => Ok(compose_march(arena, estimator.clone(), &march)),
+        true => Ok(compose_march(arena, estimator, &march)),
         false => {
             let plan = shadow_plan(&plan);
             let march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
@@ -118,16 +116,11 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         }
     });
     let shadow_march = shadow_march.transpose()?.map(Kernel::March);
+    let threshold = shade::Threshold { pixel_radius: march.pixel_radius, fixed: march.hit_eps };
     let skipped = if settings.plain { 0.0 } else { SKIPPED };
-    let shadow_ray = look.shadows.then(|| {
-        Kernel::Map(shade::compose_shadow_ray(
-            arena,
-            (sun, shade::surface_ports(look)),
-            march.pixel_radius,
-            &bounds,
-            skipped,
-        ))
-    });
+    let sunlit = (sun, shade::surface_ports(look));
+    let shadow_ray =
+        look.shadows.then(|| Kernel::Map(shade::compose_shadow_ray(arena, sunlit, threshold, &bounds, skipped)));
     Ok(Pipeline {
         camera,
         bounds,
@@ -135,15 +128,35 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         pixel_radius,
         camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, &bounds)),
         beams,
-        march: Kernel::March(compose_march(arena, estimator, &march)),
-        surface_point: Kernel::Map(shade::compose_surface_point(arena, march.pixel_radius, settings.min_difference)),
-        surface: Kernel::Estimate(compose_estimator(composer, choices, Purpose::Surface)?),
+        march: marched,
+        surface_point: Kernel::Map(shade::compose_surface_point(arena, threshold, settings.min_difference)),
+        surface: Kernel::Estimate(compose_estimator(composer, &plan.choices, Purpose::Surface)?),
         shadow_ray,
         shadow_march,
-        colour: Kernel::Map(shade::compose_colour(arena, look, &frame, radius, plan.is_certified())),
+        colour: Kernel::Map(shade::compose_colour(arena, look, &frame, plan.bounding_radius, plan.is_certified())),
         encode: Kernel::Map(shade::compose_encode(arena)),
         plan,
     })
+}
+
+/// What a picture's rays are cut to: a box where one is wanted, proven and worth it, and rays end with it where they end without.
+fn bounds_of(
+    composer: &Composer,
+    plan: &Plan,
+    camera: &Camera,
+    settings: &RenderSettings,
+    march: &Kernel,
+) -> Result<Bounds, Diagnostic> {
+    let samples = [settings.size.width, settings.size.height, settings.samples, settings.samples].map(u64::from);
+    let ball = Bounds::ball(plan.bounding_radius);
+    if !settings.boxed || settings.plain || samples.iter().product::<u64>() < LEAST_BOXED {
+        return Ok(ball);
+    }
+    let bounds = Bounds::prove(composer, plan)?;
+    let is_tried = bounds.sides.is_some() && !plan.is_certified();
+    // The CPU runs every kernel.
+    let holds = !is_tried || box_holds(composer.arena, camera, settings, &bounds, march).unwrap_or(false);
+    Ok(if holds { bounds } else { ball })
 }
 
 /// The plan as it is run in the precision that a least step of finite differences belongs to.

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::beams::{Beams, Starts};
+use super::checked::beams_hold;
 use super::pixels::Pixels;
 use super::stats::column;
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
@@ -109,7 +110,15 @@ impl<'b, B: Backend> Renderer<'b, B> {
             let kernel = kernels.iter().find(|(known, _)| *known == name);
             kernel.map(|(_, kernel)| backend.prepare(arena, kernel)).transpose()
         };
-        Renderer::with_kernels(backend, settings, &pipeline.shape(), prepare)
+        let mut shape = pipeline.shape();
+        let start = Instant::now();
+        let hold = beams_hold(arena, pipeline, settings)?;
+        let trial = start.elapsed();
+        shape.tiles = shape.tiles.filter(|_| hold);
+        let mut renderer = Renderer::with_kernels(backend, settings, &shape, prepare)?;
+        renderer.stats.are_beams_wrong = !hold;
+        renderer.stats.compile += trial;
+        Ok(renderer)
     }
 
     /// A renderer of kernels that `prepare` gives by the names of [`Pipeline::kernels`]; `None` where there is none.

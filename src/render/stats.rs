@@ -29,6 +29,8 @@ pub struct Stats {
     pub iterations: u64,
     /// Beams: cones of rays that were marched before the rays themselves.
     pub beams: u64,
+    /// Whether there are none because rays end elsewhere with them, or the picture is too small to tell.
+    pub are_beams_wrong: bool,
     /// Estimates of beams; `estimates` does not hold them.
     pub beam_estimates: u64,
     /// Estimates of shadow rays.

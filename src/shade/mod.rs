@@ -24,6 +24,21 @@ pub struct Size {
     pub height: u32,
 }
 
+/// A hit threshold.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub struct Threshold {
+    /// What it grows by with the distance.
+    pub pixel_radius: f64,
+    /// What does not grow, in world units.
+    pub fixed: f64,
+}
+
+impl Threshold {
+    fn at<'g>(self, t: Expr<'g>) -> Expr<'g> {
+        if self.fixed > 0.0 { t * self.pixel_radius + self.fixed } else { t * self.pixel_radius }
+    }
+}
+
 /// The camera's frame: unit vectors to the right, up and forward, in world coordinates.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct CameraFrame {
@@ -190,12 +205,12 @@ fn sphere_range<'g>(origin: Expr<'g>, direction: Expr<'g>, radius: Expr<'g>) -> 
 /// normals are those of features about as large as a pixel. Other pixels get a negative `hit_eps`.
 ///
 /// `min_difference` is the least step of finite differences, as marches take it.
-pub fn compose_surface_point(arena: &Arena, pixel_radius: f64, min_difference: f64) -> Function {
+pub fn compose_surface_point(arena: &Arena, threshold: Threshold, min_difference: f64) -> Function {
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
     let mut function = Function::new("surface_point", ports);
     let ray = HitInputs::new(arena, 0);
-    let hit_eps = ray.t * pixel_radius;
+    let hit_eps = threshold.at(ray.t);
     let t = ray.front(hit_eps);
     function.output("p", ray.origin + ray.direction * t);
     function.output("d", ray.direction);
@@ -209,7 +224,7 @@ pub fn compose_surface_point(arena: &Arena, pixel_radius: f64, min_difference: f
 pub fn compose_shadow_ray(
     arena: &Arena,
     (sun, surface): ([f64; 3], Vec<Port>),
-    pixel_radius: f64,
+    threshold: Threshold,
     bounds: &Bounds,
     skipped: f64,
 ) -> Function {
@@ -221,7 +236,7 @@ pub fn compose_shadow_ray(
     let first = (ray_ports().len() + march_output_ports().len()) as u16;
     let normal = arena.input(first, Type::V3);
     let sun_direction = arena.v3(sun);
-    let hit_eps = ray.t * pixel_radius;
+    let hit_eps = threshold.at(ray.t);
     let start = ray.origin + ray.direction * ray.front(hit_eps) + normal * (hit_eps * 2.0);
     let (_, far) = range_within(bounds, start, sun_direction, arena.f(0.0));
     let lit = arena.f(0.0).lt(normal.dot(sun_direction));

@@ -1,6 +1,6 @@
 //! Where a map jumps: pairs of points that come ever closer together while their images stay apart.
 
-use super::super::random::Random;
+use crate::math::random::Random;
 
 /// Pairs that are followed, candidates that each tries at every round, and the rounds.
 const PAIRS: usize = 96;

@@ -3,7 +3,6 @@
 use super::rule::{power_text, steady_exponent};
 use super::{Finding, Health, Kind, Severity, number, shown, spread};
 use crate::check::backends::{Backends, Target};
-use crate::check::random::Random;
 use crate::check::subject::Subject;
 use crate::check::truth::Members;
 use crate::compose::placement::Frame;
@@ -12,6 +11,7 @@ use crate::diag::Diagnostic;
 use crate::graph::{DeForm, NodeKind, Primitive};
 use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::{Backend, Kernel};
+use crate::math::random::Random;
 
 /// Growth of r by more than this power is logarithmic.
 const POWER: f64 = 1.05;

@@ -6,7 +6,6 @@ use super::continuity::{Continuity, search};
 use super::spread;
 use super::{Finding, Health, Kind, Params, Severity, number, shown};
 use crate::check::backends::Backends;
-use crate::check::random::Random;
 use crate::check::steps::{StepCase, largest_stretch, widths};
 use crate::diag::{Diagnostic, Span};
 use crate::expr::{Arena, Function};
@@ -15,6 +14,7 @@ use crate::formula::shape::ShapeDistance;
 use crate::formula::step::{Growth, ScalarRule, Step};
 use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
 use crate::kernel::{Backend, Kernel};
+use crate::math::random::Random;
 
 /// States that a rule is compared at.
 const POINTS: usize = 800;

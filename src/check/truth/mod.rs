@@ -28,10 +28,10 @@ pub use judge::{Budget, End, Judgement, candidate, chance_of_at_least, ends, jud
 pub use membership::{Members, compose_membership};
 
 use self::walk::Walker;
-use super::random::Random;
 use super::subject::sphere_range;
 use crate::compose::{Choice, ComposeResult, Composer};
 use crate::graph::Camera;
+use crate::math::random::Random;
 use crate::shade::{CameraFrame, Size, pixel_radius};
 
 /// A ray: origin and unit direction, in world units.

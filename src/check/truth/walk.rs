@@ -5,8 +5,8 @@
 
 use super::membership::Members;
 use super::{Ray, Scale, Truth, point};
-use crate::check::random::Random;
 use crate::check::subject::sphere_range;
+use crate::math::random::Random;
 
 /// Samples of a ray that are tried at once, and rays that are walked at once.
 const CHUNK: usize = 64;

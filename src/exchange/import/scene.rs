@@ -125,6 +125,9 @@ impl Reading<'_> {
             1 => common.estimate.clone(),
             _ => self.estimate(slots.iter().copied(), Mode::Hybrid),
         };
+        // A threshold is one of rays: it stands beside the output alone.
+        let fields = estimate.split(", ").filter(|field| !field.starts_with("stop_at"));
+        let estimate = fields.collect::<Vec<_>>().join(", ");
         format!(
             "Orbit(of: {of}, constant: {}, max_iterations: {limit}, escape_radius: {}, estimate: ({estimate}){pre})",
             slots[0].constant,

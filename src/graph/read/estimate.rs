@@ -1,9 +1,12 @@
 //! Reading how distances are estimated.
 
 use super::Reader;
+use crate::diag::Diagnostic;
 use crate::formula::decode::Fields;
 use crate::formula::value::{Value, ValueKind};
-use crate::graph::settings::{CALIBRATED_ROWS, DeForm, Difference, DifferenceStep, EstimateSettings, Method, Quality};
+use crate::graph::settings::{
+    CALIBRATED_ROWS, DeForm, Difference, DifferenceStep, EstimateSettings, Method, Quality, StopAt,
+};
 
 impl Reader<'_> {
     pub(super) fn estimate(&mut self, value: &Value) -> Option<EstimateSettings> {
@@ -16,7 +19,7 @@ impl Reader<'_> {
         let fudge = fields.optional_value("fudge").and_then(|v| self.number(v, 1e-3, 1.0));
         let step = fields.optional_value("step").and_then(|v| self.difference_step(v));
         let least_step = fields.optional_value("least_step").and_then(|v| self.number(v, 1e-4, 1.0));
-        let stop_at = fields.optional_value("stop_at").and_then(|v| self.number(v, 1e-3, 100.0));
+        let stop_at = fields.optional_value("stop_at").and_then(|v| self.stop_at(v));
         let quality = self.word_or_auto(&mut fields, "quality", &[("proof", Quality::Proof)]);
         let calibrated = fields.optional_value("calibrated").and_then(|v| self.calibrated(v));
         fields.finish(self.d);
@@ -33,6 +36,30 @@ impl Reader<'_> {
             quality,
             calibrated,
         })
+    }
+
+    /// Pixels; or world units, as `World(0.01)` or, as on the command line, "0.01u".
+    fn stop_at(&mut self, value: &Value) -> Option<StopAt> {
+        let [least, most] = StopAt::WORLD;
+        match &value.kind {
+            ValueKind::Tuple { name: Some(name), items } if name.text == "World" && items.len() == 1 => {
+                self.number(&items[0], least, most).map(StopAt::World)
+            }
+            // Other texts are expressions of parameters.
+            ValueKind::Str(text) if text.trim().strip_suffix('u').is_some_and(|x| x.trim().parse::<f64>().is_ok()) => {
+                match StopAt::parse(text) {
+                    Ok(stop) => Some(stop),
+                    Err(expected) => {
+                        self.d.push(Diagnostic::error("`stop_at` is out of range").label(value.span, expected));
+                        None
+                    }
+                }
+            }
+            _ => {
+                let [least, most] = StopAt::PIXELS;
+                self.number(value, least, most).map(StopAt::Pixels)
+            }
+        }
     }
 
     /// `true`, or the rows of the picture that was measured.
