@@ -2,8 +2,11 @@
 
 use crate::{bulbfold, import, imported, stderr};
 
+/// A formula of a hybrid: its number, iterations and options.
+type Slot = (i32, i32, &'static [f64]);
+
 /// A record of version 44 with formulas: number, iterations, options.
-fn record(formulas: &[(i32, i32, &[f64])], more: &[(usize, Vec<u8>)]) -> Vec<u8> {
+fn record(formulas: &[Slot], more: &[(usize, Vec<u8>)]) -> Vec<u8> {
     let mut bytes = vec![0; 840 + 8 + 6 * 188];
     let mut put = |at: usize, value: &[u8]| bytes[at..at + value.len()].copy_from_slice(value);
     let number = |value: f64| value.to_le_bytes();
@@ -54,8 +57,8 @@ fn said(name: &str, text: &str) -> (Option<i32>, String) {
     (output.status.code(), stderr(&output))
 }
 
-const BOX: (i32, i32, &[f64]) = (4, 1, &[-1.5, 0.5, 1.0]);
-const BULB: (i32, i32, &[f64]) = (0, 1, &[8.0, 1.0]);
+const BOX: Slot = (4, 1, &[-1.5, 0.5, 1.0]);
+const BULB: Slot = (0, 1, &[8.0, 1.0]);
 
 /// One iteration of each in turn: the numbers of `box_bulb`'s own tests.
 #[test]
@@ -82,7 +85,7 @@ fn maps_are_the_programs_own() {
     let two = 1.0 - z * z / rho_sq;
     let three = 1.0 - 3.0 * z * z / rho_sq;
     let square = |factor: f64| [(x * x - y * y) * two, 2.0 * x * y * two, 2.0 * factor * rho_sq.sqrt() * z];
-    let cases: [((i32, i32, &[f64]), [f64; 3]); 6] = [
+    let cases: [(Slot, [f64; 3]); 6] = [
         ((0, 1, &[2.0, -1.0]), square(-1.0)),
         ((0, 1, &[2.0, 1.5]), square(1.5)),
         ((1, 1, &[2.0, -1.0]), square(-1.0)),
