@@ -174,7 +174,7 @@ fn messages_have_the_words_of_users() {
         ("clamp(z)", "`clamp` cannot take: number or vector of the orbit"),
         ("clamp(z, [1], 2.0)", "expected a number or a vector, found list"),
         ("let m = #{ a: 1 }; m.b", "there is no field `b`"),
-        ("for i in 3.0 { } z", "`for` runs over a range"),
+        ("let a = 3.0; for i in a { } z", "`for` runs over a range"),
         ("while z.x > 0.0 { } z", "known only while rendering"),
         ("arctan(z.x)", "write `atan(a)`"),
         ("foo_bar(z)", "docs/operators.md"),
