@@ -26,15 +26,8 @@ impl Truths {
         let mut early: Vec<bool> = members.iter().map(|is_member| !is_member).collect();
         let far = |t: f64| (EARLY * self.scale.bounding_radius).min(EARLY_FOOTPRINTS * self.scale.footprint(t));
         let behind = |k: usize, t: f64| t + far(t) * (k + 1) as f64 / BEHIND as f64;
-        let mut ask = |asked: &dyn Fn(&[(Ray, f64)]) -> Vec<bool>| {
-            let open: Vec<usize> = (0..places.len()).filter(|&i| early[i]).collect();
-            let stops: Vec<(Ray, f64)> = open.iter().map(|&i| places[i]).collect();
-            for (&i, found) in open.iter().zip(asked(&stops)) {
-                early[i] = !found;
-            }
-        };
-        ask(&|stops| self.are_members_near(stops));
-        ask(&|stops| self.have_members(stops, BEHIND, behind));
+        strike(&mut early, places, |stops| self.are_members_near(stops));
+        strike(&mut early, places, |stops| self.have_members(stops, BEHIND, behind));
         early
     }
 
@@ -45,5 +38,14 @@ impl Truths {
         let points: Vec<[f64; 3]> = rays.zip(&depths).map(|(ray, t)| point(ray, *t)).collect();
         let eps: Vec<f64> = depths.iter().map(|t| self.scale.pixel_radius * t).collect();
         self.members().inside(&points, &eps).chunks(count).map(|inside| inside.contains(&true)).collect()
+    }
+}
+
+/// Takes back that stops are early where they are found to be right.
+fn strike(early: &mut [bool], places: &[(Ray, f64)], are_right: impl Fn(&[(Ray, f64)]) -> Vec<bool>) {
+    let open: Vec<usize> = (0..places.len()).filter(|&i| early[i]).collect();
+    let stops: Vec<(Ray, f64)> = open.iter().map(|&i| places[i]).collect();
+    for (&i, is_right) in open.iter().zip(are_right(&stops)) {
+        early[i] = !is_right;
     }
 }
