@@ -70,7 +70,8 @@ impl Reading<'_> {
             }
         };
         let far = self.main.number("view_distance_max", 50.0, self.d).clamp(1.0, 1e5);
-        if has_no_end {
+        // What orbits end at goes on without end: cells of a group, or copies of a fold's.
+        if has_no_end || slots.iter().any(|slot| slot.expanded.end.is_some()) {
             graph.settings.push(format!("bounding_radius: {}", written(far)));
         } else if let Some(radius) = self.reach(&slots, mode) {
             graph.settings.push(format!("bounding_radius: {}", written(radius)));

@@ -14,6 +14,7 @@ pub mod table;
 
 mod ask;
 mod glsl;
+mod levels;
 mod looks;
 mod migrate;
 mod objects;

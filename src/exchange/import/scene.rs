@@ -1,6 +1,7 @@
 //! Mandelbulber's formulas, alone, in turn or as objects of a scene, as nodes of a graph.
 
 use super::ask::Ask;
+use super::levels;
 use super::mandelbulber::Reading;
 use super::objects::{join, joined, limited, placed, primitive, with_primitives};
 use super::sequence::{Mode, Slot, schedule, turns};
@@ -16,6 +17,17 @@ struct Common {
     is_mirrored: bool,
 }
 
+impl Common {
+    /// The settings of an orbit but for its iterations.
+    fn fields(&self, slot: &Slot, estimate: &str, radius: f64) -> String {
+        let pre = self.pre.as_ref().map(|pre| format!(", {pre}")).unwrap_or_default();
+        // A threshold is one of rays: it stands beside the output alone.
+        let fields = estimate.split(", ").filter(|field| !field.starts_with("stop_at"));
+        let estimate = fields.collect::<Vec<_>>().join(", ");
+        format!("constant: {}, escape_radius: {}, estimate: ({estimate}){pre}", slot.constant, written(radius))
+    }
+}
+
 impl Reading<'_> {
     /// The node of everything that is drawn, and whether it has no end. What orbits share goes to the file's settings.
     pub(super) fn field(
@@ -25,8 +37,7 @@ impl Reading<'_> {
         is_mirrored: bool,
         graph: &mut GraphText,
     ) -> (String, bool) {
-        let pre = is_mirrored
-            .then(|| "pre: [linear(matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])]".to_string());
+        let pre = levels::pre(slots, mode == Mode::Single, is_mirrored, &mut self.lost);
         graph.settings.extend(pre.clone());
         let limit = slots.iter().map(|slot| self.limit(slot)).fold(1.0, f64::max);
         graph.settings.push(format!("max_iterations: {limit}"));
@@ -50,7 +61,14 @@ impl Reading<'_> {
                 graph.settings.push(format!("escape_radius: {}", written(radius)));
                 let slots: Vec<&Slot> = slots.iter().collect();
                 graph.settings.push(format!("constant: {}", slots[0].constant));
-                let node = self.loop_of(&slots, limit as u32, "loop", graph);
+                let turns = self.turns(&slots, limit as u32);
+                let node = self.loop_of(&slots, &turns, "loop", graph);
+                let fields = common.fields(slots[0], &common.estimate, radius);
+                let node = levels::node(&slots, &turns, (&node, &fields), &mut self.lost).unwrap_or_else(|| {
+                    let end = slots.iter().find_map(|slot| slot.expanded.end.as_ref());
+                    graph.settings.extend(end.map(|end| format!("end: {end}")));
+                    node
+                });
                 match &tree {
                     Some(Node::Hybrid(_, prefix)) => self.placed_as(&node, prefix, "", is_mirrored),
                     Some(_) => self.placed_as(&node, "formula", &format!("_{}", slots[0].number), is_mirrored),
@@ -72,9 +90,18 @@ impl Reading<'_> {
         self.main.number(&format!("formula_maxiter_{}", slot.number), common, self.d).round().clamp(1.0, 10_000.0)
     }
 
+    /// The slots that run at iterations 0, 1, 2 ...
+    fn turns(&mut self, slots: &[&Slot], limit: u32) -> Vec<usize> {
+        let repeat_from = self.main.number("repeat_from", 1.0, self.d).clamp(1.0, 9.0) as usize;
+        match slots.len() {
+            1 => vec![0; limit as usize],
+            _ => turns(slots, repeat_from, limit),
+        }
+    }
+
     /// The loop of one formula or of several in turn, as the name of a node. Formulas with a constant that is not the first
     /// one's say so.
-    fn loop_of(&mut self, slots: &[&Slot], limit: u32, name: &str, graph: &mut GraphText) -> String {
+    fn loop_of(&mut self, slots: &[&Slot], turns: &[usize], name: &str, graph: &mut GraphText) -> String {
         let common = &slots[0].constant;
         let mut names = Vec::new();
         for slot in slots {
@@ -86,10 +113,9 @@ impl Reading<'_> {
                 names.push(name);
             }
         }
-        let repeat_from = self.main.number("repeat_from", 1.0, self.d).clamp(1.0, 9.0) as usize;
         let node = match slots.len() {
             1 => format!("\"{}\"", names[0]),
-            _ => schedule(&names, &turns(slots, repeat_from, limit)),
+            _ => schedule(&names, turns),
         };
         match node.starts_with('"') {
             true => node,
@@ -113,26 +139,24 @@ impl Reading<'_> {
     /// A formula that is an object of its own.
     fn object(&mut self, slot: &Slot, common: &Common) -> String {
         let limit = self.limit(slot);
-        let orbit = self.orbit(&format!("\"{}\"", slot.name), &[slot], limit, common);
+        let turns = vec![0; limit as usize];
+        let orbit = self.orbit(&format!("\"{}\"", slot.name), &[slot], &turns, common);
         self.placed_as(&orbit, "formula", &format!("_{}", slot.number), common.is_mirrored)
     }
 
-    fn orbit(&mut self, of: &str, slots: &[&Slot], limit: f64, common: &Common) -> String {
+    fn orbit(&mut self, of: &str, slots: &[&Slot], turns: &[usize], common: &Common) -> String {
         let radius = slots.iter().map(|slot| slot.expanded.bailout).fold(0.0, f64::max);
         let radius = self.bailout(radius);
-        let pre = common.pre.as_ref().map(|pre| format!(", {pre}")).unwrap_or_default();
         let estimate = match slots.len() {
             1 => common.estimate.clone(),
             _ => self.estimate(slots.iter().copied(), Mode::Hybrid),
         };
-        // A threshold is one of rays: it stands beside the output alone.
-        let fields = estimate.split(", ").filter(|field| !field.starts_with("stop_at"));
-        let estimate = fields.collect::<Vec<_>>().join(", ");
-        format!(
-            "Orbit(of: {of}, constant: {}, max_iterations: {limit}, escape_radius: {}, estimate: ({estimate}){pre})",
-            slots[0].constant,
-            written(radius)
-        )
+        let fields = common.fields(slots[0], &estimate, radius);
+        levels::node(slots, turns, (of, &fields), &mut self.lost).unwrap_or_else(|| {
+            let end = slots.iter().find_map(|slot| slot.expanded.end.as_ref());
+            let end = end.map(|end| format!(", end: {end}")).unwrap_or_default();
+            format!("Orbit(of: {of}, max_iterations: {}, {fields}{end})", turns.len())
+        })
     }
 
     /// An object of the tree with all below it, and whether it has no end; no node where nothing of it has a counterpart.
@@ -152,8 +176,9 @@ impl Reading<'_> {
                     return (None, false);
                 }
                 let limit = members.iter().map(|slot| self.limit(slot)).fold(1.0, f64::max);
-                let node = self.loop_of(&members, limit as u32, &format!("loop_{prefix}"), graph);
-                let orbit = self.orbit(&node, &members, limit, common);
+                let turns = self.turns(&members, limit as u32);
+                let node = self.loop_of(&members, &turns, &format!("loop_{prefix}"), graph);
+                let orbit = self.orbit(&node, &members, &turns, common);
                 (Some(self.placed_as(&orbit, prefix, "", common.is_mirrored)), false)
             }
             Node::Primitive(name, prefix) => {

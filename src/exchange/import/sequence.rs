@@ -52,7 +52,13 @@ impl<'t> Slot<'t> {
         let count = whole(main.number(&of("formula_iterations"), 1.0, d));
         let start = whole(main.number(&of("formula_start_iteration"), 0.0, d));
         let stop = whole(main.number(&of("formula_stop_iteration"), 250.0, d));
-        let constant = constant((number, row), (main, own), weight, lost, d);
+        let mut constant = constant((number, row), (main, own), weight, lost, d);
+        let mut expanded = expanded;
+        if constant == "Off" && expanded.steps.iter().any(|step| step.contains("add_constant(")) {
+            // The map reads the constant, so there has to be one; what the iteration adds is taken off again.
+            constant = added((number, row), (main, own), weight, lost, d);
+            expanded.steps.push("add_constant(matrix: [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])".into());
+        }
         Slot {
             number,
             place: number,
@@ -95,19 +101,30 @@ fn constant(
     lost: &mut Vec<Lost>,
     d: &mut Diagnostics,
 ) -> String {
-    let own = |name: &str| if is_own { format!("{name}_{number}") } else { name.to_string() };
     let is_switched = main.switch(&format!("dont_add_c_constant_{number}"), false, d);
-    let is_julia = main.switch(&own("julia_mode"), false, d);
-    let julia = main.vector(&own("julia_c"), [0.0; 3], d);
-    let factor = main.vector(&own("fractal_constant_factor"), [1.0; 3], d);
     let adds = match row.constant {
         Adds::Point => !is_switched,
         Adds::Nothing => is_switched,
         Adds::Always => true,
     };
-    if !adds {
-        return "Off".into();
-    }
+    // Asked for in any case, so that nobody hears of settings that were read.
+    let mut unused = Vec::new();
+    let constant = added((number, row), (main, is_own), weight, if adds { lost } else { &mut unused }, d);
+    if adds { constant } else { "Off".into() }
+}
+
+/// The constant of a slot that adds one.
+fn added(
+    (number, row): (usize, &Row),
+    (main, is_own): (&Section, bool),
+    weight: f64,
+    lost: &mut Vec<Lost>,
+    d: &mut Diagnostics,
+) -> String {
+    let own = |name: &str| if is_own { format!("{name}_{number}") } else { name.to_string() };
+    let is_julia = main.switch(&own("julia_mode"), false, d);
+    let julia = main.vector(&own("julia_c"), [0.0; 3], d);
+    let factor = main.vector(&own("fractal_constant_factor"), [1.0; 3], d);
     if is_julia && row.constant != Adds::Always {
         let parts: [f64; 3] = std::array::from_fn(|i| julia[i] * factor[i] * weight);
         return format!("Julia({})", written_vector(&parts));

@@ -7,8 +7,9 @@
 //!   `.y` and `.z`;
 //! - `#` is the number of the repetition, where a part has `times`.
 //!
-//! A part with `when` is there only where that expression is true. Every setting that a row names must have a default in
-//! the table, because settings files list only what differs from it.
+//! A part with `when` is there only where that expression is true, one with `range` only in the iterations from the first
+//! expression to the one before the second. Every setting that a row names must have a default in the table, because
+//! settings files list only what differs from it; words among them stand in single quotes.
 
 use std::collections::BTreeMap;
 
@@ -16,8 +17,12 @@ use rhai::{Engine, Scope};
 use serde::Deserialize;
 
 use super::ask::Ask;
+use super::text::sequence;
 use super::value::{Value, written_dynamic};
 use crate::diag::Diagnostics;
+
+/// The program's last iteration where a setting says that something never stops.
+const ENDLESS: f64 = 250.0;
 
 /// A program's formulas.
 #[derive(Deserialize, Debug)]
@@ -56,6 +61,16 @@ pub struct Row {
     pub params: Vec<(String, String)>,
     /// The map: parts in their order.
     pub map: Vec<Part>,
+    /// Maps of the start point before the first iteration, which the constant goes through as well.
+    #[serde(default)]
+    pub pre: Vec<Part>,
+    /// The field that the end of an orbit is looked up in, where the program's estimate is not that of the length. Of several
+    /// parts the first that is there counts.
+    #[serde(default)]
+    pub end: Vec<Part>,
+    /// Shapes at the levels of the orbit (the dIFS families), instead of what escapes.
+    #[serde(default)]
+    pub levels: Vec<Level>,
     /// Where the map is not the program's: a condition, and what is not the same.
     #[serde(default)]
     pub caveats: Vec<(String, String)>,
@@ -99,6 +114,36 @@ pub struct Part {
     /// How often it is repeated, with numbers from 0.
     #[serde(default)]
     pub times: Option<u32>,
+    /// The first iteration in which it runs, and the first in which it does not any more.
+    #[serde(default)]
+    pub range: Option<(String, String)>,
+}
+
+/// A shape at levels of an orbit.
+#[derive(Deserialize, Debug)]
+#[serde(deny_unknown_fields)]
+pub struct Level {
+    /// A field.
+    pub shape: String,
+    /// Whether it is there; always where empty.
+    #[serde(default)]
+    pub when: String,
+    /// Whether it is looked up behind the map of an iteration; otherwise before it.
+    #[serde(default)]
+    pub behind: bool,
+    /// The first iteration in which it is looked up, and the first in which it is not any more.
+    pub range: (String, String),
+}
+
+/// A level with a file's settings in it.
+#[derive(Clone, PartialEq, Debug)]
+pub struct ExpandedLevel {
+    /// The field.
+    pub shape: String,
+    /// Iterations that it is looked up in.
+    pub range: (f64, f64),
+    /// Whether that is behind their maps.
+    pub behind: bool,
 }
 
 /// A row with a file's settings in it.
@@ -106,6 +151,12 @@ pub struct Part {
 pub struct Expanded {
     /// Nodes of one iteration, in order.
     pub steps: Vec<String>,
+    /// Maps of the start point.
+    pub pre: Vec<String>,
+    /// The field at the ends of orbits, where there is one.
+    pub end: Option<String>,
+    /// Shapes at levels, where there are some.
+    pub levels: Vec<ExpandedLevel>,
     /// Parameters of the new file: name and value.
     pub params: Vec<(String, f64)>,
     /// Caveats that apply.
@@ -121,7 +172,19 @@ pub struct Expanded {
 impl Table {
     /// Mandelbulber's formulas.
     pub fn mandelbulber() -> Table {
-        read(include_str!("mandelbulber.ron"))
+        let mut table = read(include_str!("mandelbulber.ron"));
+        for text in [
+            include_str!("table/boxes.ron"),
+            include_str!("table/kleinian.ron"),
+            include_str!("table/bulbs.ron"),
+            include_str!("table/transforms.ron"),
+            include_str!("table/fields.ron"),
+        ] {
+            let more = read(text);
+            table.defaults.extend(more.defaults);
+            table.formulas.extend(more.formulas);
+        }
+        table
     }
 
     /// Formulas of Fragmentarium's examples.
@@ -144,12 +207,17 @@ impl Table {
         let mut filler = Filler { engine: engine(), scope, suffix, row };
         let mut steps = Vec::new();
         filler.parts(&row.map, "", &mut steps);
+        let (mut pre, mut end) = (Vec::new(), Vec::new());
+        filler.parts(&row.pre, "", &mut pre);
+        filler.parts(&row.end, "", &mut end);
+        let levels = filler.levels(&row.levels);
         let caveats = row.caveats.iter().filter(|(when, _)| filler.truth(when)).map(|(_, text)| text.clone()).collect();
         let params = row.params.iter().map(|(name, from)| (format!("{name}{suffix}"), filler.number(from))).collect();
         let bailout = filler.number(&row.bailout);
         let iterations = (!row.iterations.is_empty()).then(|| filler.number(&row.iterations));
         let reach = (!row.reach.is_empty()).then(|| filler.number(&row.reach)).filter(|radius| *radius > 0.0);
-        Expanded { steps, params, caveats, bailout, iterations, reach }
+        let end = end.into_iter().next();
+        Expanded { steps, pre, end, levels, params, caveats, bailout, iterations, reach }
     }
 
     fn default_of(&self, name: &str) -> Value {
@@ -169,10 +237,17 @@ impl Row {
                 }
             }
         };
-        each_part(&self.map, "", &mut |part, number| {
-            add(&part.when.replace('#', number));
-            expressions(&part.step).into_iter().for_each(|e| add(&e.replace('#', number)));
-        });
+        for parts in [&self.map, &self.pre, &self.end] {
+            each_part(parts, "", &mut |part, number| {
+                add(&part.when.replace('#', number));
+                part.range.iter().flat_map(|(from, to)| [from, to]).for_each(|e| add(&e.replace('#', number)));
+                expressions(&part.step).into_iter().for_each(|e| add(&e.replace('#', number)));
+            });
+        }
+        for level in &self.levels {
+            [&level.when, &level.range.0, &level.range.1].into_iter().for_each(|e| add(e));
+            expressions(&level.shape).into_iter().for_each(&mut add);
+        }
         self.caveats.iter().for_each(|(when, _)| add(when));
         self.params.iter().for_each(|(_, from)| add(from));
         add(&self.bailout);
@@ -223,12 +298,32 @@ impl Filler<'_> {
                 if !part.when.is_empty() && !self.truth(&part.when.replace('#', &number)) {
                     continue;
                 }
+                let mut found = Vec::new();
                 if !part.step.is_empty() {
-                    steps.push(self.fill(&part.step.replace('#', &number)));
+                    found.push(self.fill(&part.step.replace('#', &number)));
                 }
-                self.parts(&part.each, &number, steps);
+                self.parts(&part.each, &number, &mut found);
+                match &part.range {
+                    Some((from, to)) if !found.is_empty() => {
+                        let (from, to) =
+                            (self.number(&from.replace('#', &number)), self.number(&to.replace('#', &number)));
+                        steps.extend(between(found, from, to));
+                    }
+                    _ => steps.extend(found),
+                }
             }
         }
+    }
+
+    fn levels(&mut self, levels: &[Level]) -> Vec<ExpandedLevel> {
+        let mut found = Vec::new();
+        for level in levels {
+            if level.when.is_empty() || self.truth(&level.when) {
+                let range = (self.number(&level.range.0), self.number(&level.range.1));
+                found.push(ExpandedLevel { shape: self.fill(&level.shape), range, behind: level.behind });
+            }
+        }
+        found
     }
 
     fn fill(&mut self, template: &str) -> String {
@@ -267,9 +362,22 @@ impl Filler<'_> {
     }
 }
 
+/// Steps that run from iteration `from` on, below `to`.
+fn between(steps: Vec<String>, from: f64, to: f64) -> Vec<String> {
+    let from = from.max(0.0);
+    if from >= to {
+        return Vec::new();
+    }
+    if from == 0.0 && to >= ENDLESS {
+        return steps;
+    }
+    vec![format!("Between(of: {}, from: {from}, to: {to})", sequence(&steps))]
+}
+
 fn engine() -> Engine {
     let mut engine = Engine::new();
     engine.set_max_operations(10_000).set_fail_on_invalid_map_property(true);
+    functions::register(&mut engine);
     engine
 }
 
@@ -314,6 +422,8 @@ fn words(expression: &str) -> Vec<String> {
     }
     found
 }
+
+mod functions;
 
 #[cfg(test)]
 mod tests;

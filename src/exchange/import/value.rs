@@ -11,6 +11,8 @@ pub enum Value {
     Number(f64),
     /// Two to four numbers.
     Vector(Vec<f64>),
+    /// One word of a list, or its place in that list.
+    Word(String),
 }
 
 impl Value {
@@ -31,10 +33,11 @@ impl Value {
                     _ => Err(format!("{} numbers", parts.len())),
                 }
             }
+            Value::Word(_) => Ok(Value::Word(text.to_string())),
         }
     }
 
-    /// Reads a text whose form says what it is, as tables write defaults.
+    /// Reads a text whose form says what it is, as tables write defaults: words stand in single quotes.
     pub fn read(text: &str) -> Option<Value> {
         let numbers: Option<Vec<f64>> = text.split_whitespace().map(number).collect();
         match (text, numbers) {
@@ -42,7 +45,10 @@ impl Value {
             ("false", _) => Some(Value::Bool(false)),
             (_, Some(numbers)) if numbers.len() == 1 => Some(Value::Number(numbers[0])),
             (_, Some(numbers)) if (2..=4).contains(&numbers.len()) => Some(Value::Vector(numbers)),
-            _ => None,
+            (text, _) => {
+                let word = text.strip_prefix('\'').and_then(|rest| rest.strip_suffix('\''))?;
+                Some(Value::Word(word.to_string()))
+            }
         }
     }
 
@@ -58,6 +64,7 @@ impl Value {
                 }
                 map.into()
             }
+            Value::Word(word) => word.clone().into(),
         }
     }
 }
@@ -118,6 +125,8 @@ mod tests {
         assert_eq!(Value::read("true"), Some(Value::Bool(true)));
         assert_eq!(Value::read("9"), Some(Value::Number(9.0)));
         assert_eq!(Value::read("none"), None);
+        assert_eq!(Value::read("'none'"), Some(Value::Word("none".into())));
+        assert_eq!(Value::read_like("type3", &Value::Word("type1".into())), Ok(Value::Word("type3".into())));
         assert_eq!(written(-0.0), "0.0");
     }
 }

@@ -28,10 +28,15 @@ fn graph(table: &Table, row: &super::Row, all_on: bool) -> String {
     let params: Vec<String> = expanded.params.iter().map(|(n, v)| format!("\"{n}\": (default: {v:?})")).collect();
     let mut steps = expanded.steps;
     steps.push("translate()".into());
+    let end = expanded.end.map(|end| format!(", end: {end}")).unwrap_or_default();
+    let pre = if expanded.pre.is_empty() { String::new() } else { format!(", pre: [{}]", expanded.pre.join(", ")) };
+    let shapes = expanded.levels.iter().enumerate();
+    let levels: Vec<String> = shapes.map(|(i, level)| format!(", \"shape{i}\": {}", level.shape)).collect();
     format!(
-        "(params: {{ {} }}, nodes: {{ \"map\": Sequence([{}]) }}, output: \"map\")",
+        "(params: {{ {} }}, nodes: {{ \"map\": Sequence([{}]){} }}, output: \"map\"{pre}{end})",
         params.join(", "),
-        steps.join(", ")
+        steps.join(", "),
+        levels.concat()
     )
 }
 
