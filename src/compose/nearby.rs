@@ -41,7 +41,7 @@ const PARENTS_AROUND: usize = 4;
 const LEVELS_AROUND: usize = 26;
 const SMALLER_AROUND: f64 = 0.5;
 /// Iterations that an orbit must stay for longer than that of the stop, to be as good as a member's.
-const LONGER: f64 = 8.0;
+const LONGER: f64 = 4.0;
 /// Points of a ray, each nearer to its aim than the last by [`NEARER`], and bisections between the first two that differ.
 const ALONG: usize = 32;
 const NEARER: f64 = 0.75;

@@ -371,11 +371,8 @@ fn misplaced_word<'a>(sources: &'a Sources, id: SourceId, error: &ParseError) ->
     let here = text[at..].find(|c| !is_letter(c)).map_or(text.len(), |end| at + end);
     let before = text[..at].trim_end();
     let start = before.rfind(|c| !is_letter(c)).map_or(0, |i| i + before[i..].chars().next().map_or(1, char::len_utf8));
-    let places = match error.err_type() {
-        P::MissingToken(..) => vec![at..here, start..before.len()],
-        _ => vec![at..here],
-    };
-    let found = places.into_iter().find(|range| words::is_keyword(&text[range.clone()]))?;
+    let behind = matches!(error.err_type(), P::MissingToken(..)).then_some(start..before.len());
+    let found = std::iter::once(at..here).chain(behind).find(|range| words::is_keyword(&text[range.clone()]))?;
     is_asked.then(|| (Span::new(id, found.start, found.end), &text[found]))
 }
 

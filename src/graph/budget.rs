@@ -43,7 +43,7 @@ pub(super) fn check(library: &Library, graph: &Graph, d: &mut Diagnostics) -> bo
     }
     // Of all that are too large the one that holds no other: the first where wires meet too often.
     let too_large = |size: &Size| size.expressions > MAX_EXPRESSIONS || size.scheduled > MAX_SCHEDULED;
-    let found = count.known.iter().filter(|(_, size)| too_large(*size)).map(|((node, _), size)| (*node, *size));
+    let found = count.known.iter().filter(|(_, size)| too_large(size)).map(|((node, _), size)| (*node, *size));
     let Some((node, size)) = found.min_by(|a, b| a.1.total().total_cmp(&b.1.total()).then(a.0.cmp(&b.0))) else {
         return true;
     };

@@ -100,7 +100,6 @@ impl MarchSettings {
             max_march_steps: if plan.is_certified() { MAX_STEPS_OF_PROOFS } else { MAX_STEPS },
             difference_step: plan.difference_step,
             relaxation: relaxed::of_plan(plan),
-            ..MarchSettings::default()
         }
     }
 }
