@@ -46,7 +46,7 @@ fn marches_take_the_step_that_is_asked_for() {
 fn methods_that_do_not_apply_say_why() {
     let bulb = r#"(nodes: { "bulb": bulb_power() }, bounding_radius: 2, estimate: (method: METHOD))"#;
     let boxed = r#"(nodes: { "fold": box_fold(), "grow": scale(scale: 2), "box": Sequence(["fold", "grow"]) },
-        output: "box", bounding_radius: 6, estimate: (method: METHOD))"#;
+        output: "box", bounding_radius: 14, estimate: (method: METHOD))"#;
     for (text, method, why) in [
         (bulb, "own", "an iterated map has no distance of its own"),
         (boxed, "own", "only primitives have"),

@@ -122,7 +122,7 @@ fn presets_of_the_built_in_fractals_load_and_compose() {
     assert!(count >= 2, "{count}");
 }
 
-/// The runner tells of a preset that loads but does not compose: a step whose script fails for its values.
+/// The runner names a preset that does not load: a step whose script fails for its values.
 #[test]
 fn the_test_runner_composes_presets() {
     let folder = tempfile::tempdir().expect("a folder can be made");
@@ -136,5 +136,5 @@ fn the_test_runner_composes_presets() {
     let options = Options { gpu: false, ..Options::default() };
     let report = run_paths(&mut Library::builtin(), &[folder.path().join("graph.ron")], &options);
     let text = report.to_string();
-    assert!(!report.is_ok() && text.contains("preset two") && text.contains("not two"), "{text}");
+    assert!(!report.is_ok() && text.contains("preset `two`") && text.contains("not two"), "{text}");
 }
