@@ -103,8 +103,8 @@ fn shared_wires_are_counted_before_they_are_composed() {
             }
         }
     }
-    // Ten doublings are fine.
-    let small = chain(fold, 8, |i| format!("Sequence([\"a{i}\", \"a{i}\"])"));
+    // Seven doublings are fine.
+    let small = chain(fold, 7, |i| format!("Sequence([\"a{i}\", \"a{i}\"])"));
     let folder = folder(&[("a.ron", &small)]);
     let output = bulbfold(folder.path(), &["probe", "a.ron", "--point", "0.5,0.2,0.1", "--backend", "cpu"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -19,6 +19,7 @@ use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose, compose_estimator, field_orbits};
 use crate::graph::{DeForm, Method, NodeKind, Primitive};
 use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
+use crate::kernel::work::Work;
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
 
 /// How a bounding radius is known.
@@ -59,6 +60,8 @@ pub(super) struct Found {
     pub(super) members: f64,
 }
 
+/// Operations of a point's orbits from which on fewer points are asked, so that long formulas do not wait for their bounds.
+const PLAIN: f64 = 16_000.0;
 /// Half the edge of the outermost cube that is searched.
 pub(super) const FAR: f64 = 1024.0;
 /// Half the edge of the innermost one.
@@ -279,6 +282,8 @@ struct Search {
     seen: usize,
     /// Without proofs of balls.
     is_quick: bool,
+    /// How many times fewer points than usual are asked; at least 1.
+    thrift: usize,
     /// From which radius on norms say that all is lost.
     lost: Option<f64>,
     /// Points and proofs so far.
@@ -302,13 +307,18 @@ impl Search {
         let mut estimator = compose_estimator(composer, &plain, Purpose::Estimate)?;
         estimator.combine.outputs.retain(|(port, _)| port.name == "inside");
         let cpu = Cpu::new(Precision::F64);
-        let membership = prepare(&cpu, composer, Kernel::Estimate(estimator));
+        let iterations: u32 = estimator.orbits.iter().map(|orbit| orbit.max_iterations).sum();
+        let kernel = Kernel::Estimate(estimator);
+        let work = Work::of(composer.arena, &kernel).total(1.0, f64::from(iterations));
+        let thrift = (work / PLAIN).ceil().max(1.0) as usize;
+        let membership = prepare(&cpu, composer, kernel);
         let (farthest, seen, points, proven) = (0.0, 0, 0, 0);
         Ok(Search {
             cpu,
             membership,
             proofs: None,
             is_quick: false,
+            thrift,
             lost: None,
             farthest,
             seen,
@@ -353,7 +363,10 @@ impl Search {
         let mut r = self.lost.unwrap_or(FAR);
         let outermost = self.lost.is_none();
         while r > NEAR && self.farthest < r * 3f64.sqrt() {
-            let cubes: Vec<Cube> = Cube::octave(r).into_iter().flat_map(Cube::parts).collect();
+            let mut cubes = Cube::octave(r);
+            if self.thrift < PER_CUBE {
+                cubes = cubes.into_iter().flat_map(Cube::parts).collect();
+            }
             self.sample(&cubes, PER_CUBE);
             self.open.extend(cubes);
             if outermost && r == FAR && self.farthest > 0.0 {
@@ -439,7 +452,9 @@ impl Search {
 
     /// Points spread over a cube, by the sequence of R. Roberts; one in four close to an axis or plane where the cube touches one,
     /// since formulas have their seams there.
+    /// Of points that cost much there are fewer.
     fn spread(&mut self, cube: &Cube, count: usize) -> Vec<[f64; 3]> {
+        let count = (count / self.thrift).max(1);
         let step = [0.819_172_513_4, 0.671_043_606_7, 0.549_700_477_9];
         let point = |i: usize| {
             let mut p =

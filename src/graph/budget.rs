@@ -17,7 +17,7 @@ use crate::formula::step::{StateWidth, Step, StepInputs, StepParam, script_value
 use crate::formula::symbolic::to_dynamic;
 
 /// Expressions that the maps and fields of one formula may have, each counted wherever it is composed.
-pub(super) const MAX_EXPRESSIONS: f64 = 6_000.0;
+pub(super) const MAX_EXPRESSIONS: f64 = 2_400.0;
 /// Nodes that the maps of all iterations may have together, where they are not all the same.
 const MAX_SCHEDULED: f64 = 2e6;
 /// Expressions of a primitive, of a part that is joined, and of a way into another frame, about.
