@@ -18,11 +18,14 @@ use crate::math::random::Random;
 
 /// Thresholds that are tried, in extents of the set: half a pixel of a thumbnail, and of a view three hundred times as close.
 const THRESHOLDS: [f64; 2] = [3e-3, 1e-5];
+/// What is tried where no orbit ends at those: few iterations show no more.
+const COARSE: f64 = 1e-2;
 /// Stops that are asked, for each threshold, and how many of them may have no member around them.
 const STOPS: usize = 24;
 const MAY_FAIL: usize = STOPS / 8;
-/// How many may have an image that is narrower than the set.
-const MAY_BE_NARROW: usize = STOPS / 4;
+/// The share of stops that may have an image narrower than the set. Behind ripples all have one; of bulbs up to a quarter do,
+/// beside their axis and in crevices, where one direction grows slowest.
+const MAY_BE_NARROW: f64 = 0.5;
 /// How far around a stop members are looked for, in thresholds: a stop by an estimate lies in front of the set.
 const REACH_OF_ENDS: f64 = 0.25;
 const REACH_OF_ESTIMATES: f64 = 4.0;
@@ -42,6 +45,12 @@ const LEVELS_AROUND: usize = 26;
 const SMALLER_AROUND: f64 = 0.5;
 /// Iterations that an orbit must stay for longer than that of the stop, to be as good as a member's.
 const LONGER: f64 = 4.0;
+/// Rays that are marched at random besides those to where orbits stay long, and steps of each.
+const RAYS: usize = 72;
+const STEPS: usize = 256;
+/// How far a ray goes at once: a share of the estimate, and of the threshold at least.
+const OF_ESTIMATE: f64 = 0.5;
+const LEAST_STEP: f64 = 0.5;
 /// Points of a ray, each nearer to its aim than the last by [`NEARER`], and bisections between the first two that differ.
 const ALONG: usize = 32;
 const NEARER: f64 = 0.75;
@@ -65,11 +74,15 @@ pub(super) fn measure_ends(composer: &Composer, orbit: &FieldOrbit, choice: &Cho
     }
     let mut search = Search::new(composer, orbit, choice, Claim::Ends)?;
     let mut all = 0;
-    for eps in THRESHOLDS.map(|share| share * choice.extent) {
-        let (stops, widths) = search.stops(eps);
+    for eps in [THRESHOLDS[0], THRESHOLDS[1], COARSE].map(|share| share * choice.extent) {
+        if eps == COARSE * choice.extent && all > 0 {
+            break;
+        }
+        let (stops, widths) = search.ends(eps);
         let narrow = widths.iter().filter(|width| **width * eps < choice.extent).count();
         all += stops.len();
-        if narrow > MAY_BE_NARROW || search.without_members(&stops, eps * REACH_OF_ENDS) > MAY_FAIL {
+        let is_narrow = narrow as f64 > MAY_BE_NARROW * stops.len() as f64;
+        if is_narrow || search.without_members(&stops, eps * REACH_OF_ENDS) > MAY_FAIL {
             return Ok(false);
         }
     }
@@ -86,7 +99,7 @@ pub(super) fn measure_stops(
 ) -> ComposeResult<bool> {
     let eps = threshold.unwrap_or(THRESHOLDS[0] * choice.extent);
     let mut search = Search::new(composer, orbit, choice, Claim::Estimate)?;
-    let (stops, _) = search.stops(eps);
+    let stops = search.stops(eps);
     Ok(search.without_members(&stops, eps * REACH_OF_ESTIMATES) <= MAY_FAIL_BY_ESTIMATE)
 }
 
@@ -113,7 +126,7 @@ struct Search {
     cpu: Cpu,
     /// Points to `inside, n, r`.
     orbits: CpuKernel,
-    /// Points to whether it is claimed that members are near, and what is stretched least.
+    /// Points to whether it is claimed that members are near, what is stretched least, and an estimate.
     claims: CpuKernel,
     escape_radius: f64,
     extent: f64,
@@ -145,15 +158,12 @@ impl Search {
 
     /// Of which points it is claimed that members are within `eps`.
     fn claimed(&self, points: &[[f64; 3]], eps: f64) -> Vec<bool> {
-        self.claims_of(points, eps).0
+        self.claims_of(points, eps)[0].iter().map(|x| *x > 0.5).collect()
     }
 
-    /// The same, and how much a ball around each is stretched where it is stretched least.
-    fn claims_of(&self, points: &[[f64; 3]], eps: f64) -> (Vec<bool>, Vec<f64>) {
-        let columns = Estimator::columns(points, &[AWAY], &[eps * 1e-2], eps);
-        let mut out = run_prepared(&self.cpu, &self.claims, &columns);
-        let widths = out.swap_remove(1);
-        (out.swap_remove(0).into_iter().map(|x| x > 0.5).collect(), widths)
+    /// The same, with how much a ball around each is stretched where it is stretched least, and an estimate.
+    fn claims_of(&self, points: &[[f64; 3]], eps: f64) -> Vec<Vec<f64>> {
+        run_prepared(&self.cpu, &self.claims, &Estimator::columns(points, &[AWAY], &[eps * 1e-2], eps))
     }
 
     /// Points that rays from outside may aim at: the search goes to where orbits stay long.
@@ -182,8 +192,39 @@ impl Search {
         spread(&found, STOPS).copied().collect()
     }
 
-    /// Points where rays from outside would stop by the claim, and that are no members; and what is stretched least at them.
-    fn stops(&mut self, eps: f64) -> (Vec<[f64; 3]>, Vec<f64>) {
+    /// Points where marched rays end by the claim, as many of all as are asked; and what is stretched least at them. Most rays
+    /// go through the set at random: where orbits stay longest alone, ends are later than a picture's, and images narrower.
+    fn ends(&mut self, eps: f64) -> (Vec<[f64; 3]>, Vec<f64>) {
+        let mut aims: Vec<[f64; 3]> = (0..RAYS).map(|_| self.random.in_ball(self.extent)).collect();
+        aims.extend(self.aims(eps));
+        let from: Vec<[f64; 3]> = aims.iter().map(|_| self.random.direction()).collect();
+        let far = 2.0 * self.extent;
+        let mut open: Vec<(usize, f64)> = (0..aims.len()).map(|i| (i, far)).collect();
+        let mut ends = Vec::new();
+        for _ in 0..STEPS {
+            let at = |&(i, way): &(usize, f64)| [0, 1, 2].map(|k| aims[i][k] + from[i][k] * way);
+            let points: Vec<[f64; 3]> = open.iter().map(at).collect();
+            if points.is_empty() {
+                break;
+            }
+            let (went, claims) = (self.went(&points), self.claims_of(&points, eps));
+            let mut on = Vec::new();
+            for (j, (i, way)) in open.into_iter().enumerate().filter(|(j, _)| !went[*j].is_member) {
+                let way_on = way - (OF_ESTIMATE * claims[2][j]).max(LEAST_STEP * eps).min(self.extent);
+                match claims[0][j] > 0.5 {
+                    true => ends.push((i, (points[j], claims[1][j]))),
+                    false if way_on > -far => on.push((i, way_on)),
+                    false => {}
+                }
+            }
+            open = on;
+        }
+        ends.sort_by_key(|(i, _)| *i);
+        spread(&ends, STOPS).map(|(_, end)| *end).unzip()
+    }
+
+    /// Points where rays from outside would stop by the claim, and that are no members.
+    fn stops(&mut self, eps: f64) -> Vec<[f64; 3]> {
         let aims = self.aims(eps);
         let from: Vec<[f64; 3]> = aims.iter().map(|_| self.random.direction()).collect();
         // The aim's distances along its ray, from far to near.
@@ -207,8 +248,8 @@ impl Search {
             }
         }
         let ends: Vec<[f64; 3]> = brackets.iter().enumerate().map(|(i, [_, b])| at(i, *b)).collect();
-        let (went, (claimed, widths)) = (self.went(&ends), self.claims_of(&ends, eps));
-        (0..ends.len()).filter(|&i| claimed[i] && !went[i].is_member).map(|i| (ends[i], widths[i])).unzip()
+        let (went, claimed) = (self.went(&ends), self.claimed(&ends, eps));
+        (0..ends.len()).filter(|&i| claimed[i] && !went[i].is_member).map(|i| ends[i]).collect()
     }
 
     /// Where rays stop: at members, or by the claim.
@@ -322,6 +363,7 @@ fn compose(composer: &Composer, orbit: &FieldOrbit, choice: &Choice, claim: Opti
         Some(Claim::Ends) => {
             combine.output("near", is_marked(de));
             combine.output("least", input(first + 1, Type::F));
+            combine.output("estimate", de);
         }
         Some(Claim::Estimate) => {
             combine.output("near", (!inside).and(de.lt(EstimatorInputs::new(composer.arena).hit_eps)));
