@@ -23,7 +23,7 @@ const COARSE: f64 = 1e-2;
 /// Stops that are asked, for each threshold, and how many of them may have no member around them.
 const STOPS: usize = 24;
 const MAY_FAIL: usize = STOPS / 8;
-/// The share of stops that may have an image narrower than the set. Behind ripples all have one; of bulbs up to a quarter do,
+/// The share of stops that may have an image narrower than the set. Behind ripples all have one; of the bulbs kept up to half do,
 /// beside their axis and in crevices, where one direction grows slowest.
 const MAY_BE_NARROW: f64 = 0.5;
 /// How far around a stop members are looked for, in thresholds: a stop by an estimate lies in front of the set.
