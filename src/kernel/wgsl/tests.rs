@@ -160,7 +160,7 @@ fn what_is_off_leaves_no_line() {
     // The "+1" of the running derivative, and the start point as the constant.
     let state = |texts: &HashMap<&str, String>| {
         let (_, iterate) = texts["march"].split_once("fn orbit_0_iterate_0(").expect("an iteration begins so");
-        iterate.split_once("return orbit_0_state(").expect("and ends so").0.to_string()
+        iterate.split_once("\n}").expect("and ends so").0.to_string()
     };
     assert!(state(&plain).contains("1.0f + ("), "{}", state(&plain));
     assert!(!state(&julia).contains("1.0f + "), "{}", state(&julia));
