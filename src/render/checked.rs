@@ -22,9 +22,9 @@ const MOST_RAYS: u64 = 4096;
 const ONE_OF: u64 = 16;
 /// A picture whose share is less than this has no beams: they save less there than a trial costs.
 const LEAST_RAYS: u64 = 256;
-/// Rays that one may end elsewhere of: three quarters of the 0.1 % that a picture may be off by. Single rays that graze end
+/// Rays that one may end elsewhere of: half of the 0.1 % that a picture may be off by. Single rays that graze end
 /// elsewhere in every fourth picture, so that fewer would tell of chance.
-const ONE_ELSEWHERE: usize = 1365;
+const ONE_ELSEWHERE: usize = 2048;
 /// Rays that are marched first: where many end elsewhere these tell.
 const FIRST: usize = 256;
 /// Footprints by which a hit may lie elsewhere.
