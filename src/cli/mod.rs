@@ -21,6 +21,7 @@ mod docs;
 mod doctor;
 mod explain;
 mod export;
+mod file_job;
 mod frames;
 #[cfg(feature = "chart")]
 mod gallery;

@@ -9,14 +9,12 @@ use bulbfold::calibrate::Calibration;
 use bulbfold::check::Subject;
 use bulbfold::compose::{Composer, Plan};
 use bulbfold::expr::Arena;
-use bulbfold::files::Target;
 #[cfg(feature = "chart")]
 use bulbfold::film::Image;
-use bulbfold::film::PngFile;
 use bulbfold::graph::{Camera, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError};
 use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
-use bulbfold::render::{Pipeline, RenderSettings, Renderer, Sampling, Stats, compose_planned};
+use bulbfold::render::{Pipeline, RenderSettings, Renderer, Sampling, compose_planned};
 use bulbfold::shade::{self, Size};
 use clap::{Args, ValueEnum};
 
@@ -25,8 +23,9 @@ use super::arguments::{
 };
 use super::backend::{Job, Wanted, run_job};
 use super::calibration::{Wish, settle_estimate};
+use super::file_job::FileJob;
 use super::output::{Content, check_output, not_written, refuse_both};
-use super::progress::{Progress, short};
+use super::progress::short;
 use super::seen::{self, framed};
 use super::session::{refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
@@ -295,8 +294,7 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
         }
         return Ok(());
     }
-    let mut job =
-        RenderJob { arena: &arena, pipeline: &pipeline, settings: &settings, output: &output, quiet: arguments.quiet };
+    let mut job = FileJob::new(&arena, (&pipeline, &settings), &output, arguments.quiet);
     let (backend, (stats, written)) = run_job(session, arguments.backend, precision, &mut job)?;
     let encode = written.map_err(|error| not_written(&output, &error))?;
     let report = stats::Report {
@@ -464,40 +462,4 @@ impl Job for PictureJob<'_> {
         })?;
         Ok(image.unwrap_or_else(|| Image::new(self.settings.size)))
     }
-}
-
-struct RenderJob<'a> {
-    arena: &'a Arena,
-    pipeline: &'a Pipeline,
-    settings: &'a RenderSettings,
-    output: &'a Target,
-    quiet: bool,
-}
-
-impl Job for RenderJob<'_> {
-    /// What was counted, and the time that the file took or why it could not be written.
-    type Output = (Stats, std::io::Result<Duration>);
-
-    fn run<B: Backend>(&mut self, backend: &B) -> Result<Self::Output, BackendError> {
-        let mut renderer = Renderer::new(backend, self.arena, self.pipeline, self.settings)?;
-        let mut progress = Progress::new(self.quiet);
-        let file = PngFile::at(self.output, self.settings.size, None);
-        let written = render_file(&mut renderer, file, &mut |share| progress.update(share));
-        progress.finish();
-        Ok((renderer.stats, written?))
-    }
-}
-
-/// Renders a picture into its file; gives the time that the file took, or why it could not be written.
-pub(super) fn render_file<B: Backend>(
-    renderer: &mut Renderer<B>,
-    mut file: PngFile,
-    progress: &mut (dyn FnMut(f64) + Send),
-) -> Result<std::io::Result<Duration>, BackendError> {
-    // A file that cannot be written on stops the render, and then says why.
-    renderer.render_rows(&mut |rows| file.push(rows), &mut |share| {
-        progress(share);
-        true
-    })?;
-    Ok(file.finish())
 }

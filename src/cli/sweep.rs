@@ -14,7 +14,7 @@ use bulbfold::frames::{FrameRenderer, Frames, JoinedFrames};
 use bulbfold::graph::{EstimateSettings, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError, Compiling};
 use bulbfold::precision::resolution;
-use bulbfold::render::{Iterations, RenderSettings, Stats, beams_hold, compose_pipeline, compose_planned};
+use bulbfold::render::{Iterations, RenderSettings, Renderer, Stats, beams_hold, compose_pipeline, compose_planned};
 use clap::Args;
 use serde_json::json;
 
@@ -25,7 +25,7 @@ use super::frames::{Names, frame_key, frames_to_do, refuse_json};
 use super::output::not_written;
 use super::progress::{Progress, short};
 use super::range::Range;
-use super::render::{Arguments, render_file, settle_precision, with_view};
+use super::render::{Arguments, settle_precision, with_view};
 use super::seen::{Wanted, framed, iterations};
 use super::session::talk;
 use super::{Failure, Outcome, Session, message, usage};
@@ -406,6 +406,20 @@ impl Report<'_> {
         row("render time", format!("{:.3} s", counted.times[1].as_secs_f64()));
         text
     }
+}
+
+/// Renders a frame into its file; gives the time that the file took, or why it could not be written.
+fn render_file<B: Backend>(
+    renderer: &mut Renderer<B>,
+    mut file: PngFile,
+    progress: &mut (dyn FnMut(f64) + Send),
+) -> Result<std::io::Result<Duration>, BackendError> {
+    // A file that cannot be written on stops the render, and then says why.
+    renderer.render_rows(&mut |rows| file.push(rows), &mut |share| {
+        progress(share);
+        true
+    })?;
+    Ok(file.finish())
 }
 
 #[cfg(test)]
