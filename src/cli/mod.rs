@@ -21,13 +21,13 @@ mod docs;
 mod doctor;
 mod explain;
 mod export;
-mod file_job;
 mod frames;
 #[cfg(feature = "chart")]
 mod gallery;
 #[cfg(feature = "chart")]
 mod gallery_page;
 mod import;
+mod jobs;
 mod list;
 mod new;
 mod notation;

@@ -12,18 +12,19 @@ use bulbfold::expr::Arena;
 #[cfg(feature = "chart")]
 use bulbfold::film::Image;
 use bulbfold::graph::{Camera, ValidGraph};
-use bulbfold::kernel::{Backend, BackendError};
 use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
-use bulbfold::render::{Pipeline, RenderSettings, Renderer, Sampling, compose_planned};
+use bulbfold::render::{Pipeline, RenderSettings, Sampling, compose_planned};
 use bulbfold::shade::{self, Size};
 use clap::{Args, ValueEnum};
 
 use super::arguments::{
     AutoArgs, BackendArg, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector,
 };
-use super::backend::{Job, Wanted, run_job};
+use super::backend::{Wanted, run_job};
 use super::calibration::{Wish, settle_estimate};
-use super::file_job::FileJob;
+use super::jobs::FileJob;
+#[cfg(feature = "chart")]
+use super::jobs::PictureJob;
 use super::output::{Content, check_output, not_written, refuse_both};
 use super::progress::short;
 use super::seen::{self, framed};
@@ -440,26 +441,4 @@ pub(super) fn picture(
     let mut job = PictureJob { arena: &arena, pipeline: &pipeline, settings: &settings, progress };
     let (_, image) = run_job(session, arguments.backend, precision, &mut job)?;
     Ok(image)
-}
-
-#[cfg(feature = "chart")]
-struct PictureJob<'a> {
-    arena: &'a Arena,
-    pipeline: &'a Pipeline,
-    settings: &'a RenderSettings,
-    progress: &'a mut (dyn FnMut(f64) + Send),
-}
-
-#[cfg(feature = "chart")]
-impl Job for PictureJob<'_> {
-    type Output = Image;
-
-    fn run<B: Backend>(&mut self, backend: &B) -> Result<Image, BackendError> {
-        let mut renderer = Renderer::new(backend, self.arena, self.pipeline, self.settings)?;
-        let image = renderer.render(&mut |share| {
-            (self.progress)(share);
-            true
-        })?;
-        Ok(image.unwrap_or_else(|| Image::new(self.settings.size)))
-    }
 }

@@ -1,9 +1,11 @@
-//! A picture that is rendered into its file, and goes on at its finished rows where a back end fails.
+//! Pictures as work for any back end: into a file, which goes on at its finished rows where a back end fails, and into memory.
 
 use std::time::Duration;
 
 use bulbfold::expr::Arena;
 use bulbfold::files::Target;
+#[cfg(feature = "chart")]
+use bulbfold::film::Image;
 use bulbfold::film::PngFile;
 use bulbfold::kernel::{Backend, BackendError};
 use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats};
@@ -58,5 +60,29 @@ impl Job for FileJob<'_> {
         done?;
         let closed = || Err(std::io::Error::other("the file is closed"));
         Ok((renderer.stats, self.file.take().map_or_else(closed, PngFile::finish)))
+    }
+}
+
+/// A picture in memory.
+#[cfg(feature = "chart")]
+pub(super) struct PictureJob<'a> {
+    pub(super) arena: &'a Arena,
+    pub(super) pipeline: &'a Pipeline,
+    pub(super) settings: &'a RenderSettings,
+    /// Is told the share that is done.
+    pub(super) progress: &'a mut (dyn FnMut(f64) + Send),
+}
+
+#[cfg(feature = "chart")]
+impl Job for PictureJob<'_> {
+    type Output = Image;
+
+    fn run<B: Backend>(&mut self, backend: &B) -> Result<Image, BackendError> {
+        let mut renderer = Renderer::new(backend, self.arena, self.pipeline, self.settings)?;
+        let image = renderer.render(&mut |share| {
+            (self.progress)(share);
+            true
+        })?;
+        Ok(image.unwrap_or_else(|| Image::new(self.settings.size)))
     }
 }
