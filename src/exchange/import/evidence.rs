@@ -1,6 +1,6 @@
 //! Whether a shader's map is one of ours: both run at the same points, and the orbits are compared.
 //!
-//! The shader is run by a small interpreter ([`glsl`](super::glsl)), which keeps every vector that a variable held. Our orbit must
+//! The shader is run by a small interpreter (`glsl`), which keeps every vector that a variable held. Our orbit must
 //! be among them, point by point and iteration by iteration, in its order; names of variables do not matter. Then the
 //! shader's distances are compared with ours far from the set, so that a shader that cuts or joins the set is not taken for it.
 

@@ -1,7 +1,7 @@
 //! Fragmentarium's shaders (`.frag`).
 //!
 //! The formula is GLSL that anybody may have changed, so names say nothing: the code is run at some points and compared with
-//! the formulas of [`Table::fragmentarium`] ([`evidence`](super::evidence)). What is none of them is refused, unless the user says what it
+//! the formulas of [`Table::fragmentarium`] (`evidence`). What is none of them is refused, unless the user says what it
 //! is. Values come from a preset, else from the sliders' defaults. `FOV` is the tangent of half the angle from bottom to top,
 //! times 1: with 0.4 the picture's height at distance 1 is 0.8.
 
