@@ -25,30 +25,45 @@ fn interrupt(arguments: &[&str], is_whole: impl Fn(&Path, &str) -> bool) {
         prepare();
         // Moments without order, spread evenly (golden ratio).
         let moment = whole.mul_f64((0.618_034 * f64::from(i + 1)).fract());
+        // What a SIGKILL before has left stays until a run has come as far as to sweep it.
+        let left = litter(folder.path());
         let mut child = program(folder.path()).args(arguments).stdout(std::process::Stdio::null()).spawn().unwrap();
         std::thread::sleep(moment.max(Duration::from_millis(1)));
-        let (signal, is_swept) = if i % 2 == 0 { ("-KILL", false) } else { ("-TERM", true) };
+        let signal = if i % 2 == 0 { "-KILL" } else { "-TERM" };
         let _ = Command::new("kill").args([signal, &child.id().to_string()]).status();
         child.wait().unwrap();
-        check(folder.path(), &is_whole, is_swept, &format!("{arguments:?}, {signal} after {moment:?}"));
+        let when = format!("{arguments:?}, {signal} after {moment:?}");
+        check(folder.path(), &is_whole, &when);
+        let new: Vec<String> = litter(folder.path()).into_iter().filter(|name| !left.contains(name)).collect();
+        assert!(signal == "-KILL" || new.is_empty(), "{when}: {new:?} stay");
     }
     prepare();
     let run = bulbfold(folder.path(), arguments);
     assert!(run.status.success(), "{arguments:?}: {}", stderr(&run));
-    check(folder.path(), &is_whole, true, "the next run");
+    check(folder.path(), &is_whole, "the next run");
+    assert_eq!(litter(folder.path()), Vec::<String>::new());
     assert_eq!(names(folder.path()), expected);
 }
 
-/// Looks at all files of a folder and of those in it.
-fn check(folder: &Path, is_whole: &impl Fn(&Path, &str) -> bool, is_swept: bool, when: &str) {
+/// Looks at all files of a folder and of those in it, but for temporary ones.
+fn check(folder: &Path, is_whole: &impl Fn(&Path, &str) -> bool, when: &str) {
     for name in names(folder) {
         let path = folder.join(&name);
         match (path.is_dir(), name.starts_with(".bulbfold-")) {
-            (true, _) => check(&path, is_whole, is_swept, when),
-            (_, true) => assert!(!is_swept, "{when}: {name} stays"),
+            (true, _) => check(&path, is_whole, when),
+            (_, true) => {}
             _ => assert!(is_whole(&path, &name), "{when}: {name} is not whole"),
         }
     }
+}
+
+/// Temporary files of a folder and of those in it.
+fn litter(folder: &Path) -> Vec<String> {
+    let of_name = |name: String| match folder.join(&name) {
+        path if path.is_dir() => litter(&path),
+        _ => Vec::from_iter(name.starts_with(".bulbfold-").then_some(name)),
+    };
+    names(folder).into_iter().flat_map(of_name).collect()
 }
 
 fn is_picture(path: &Path, name: &str) -> bool {
