@@ -191,7 +191,7 @@ fn a_dear_choice_is_told_before_it_is_taken() {
     let output = bulbfold(&[&arguments[..], &["-o", out.to_str().expect("a path")]].concat());
     let text = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{text}");
-    assert!(text.contains("estimates a ray") && text.contains("the estimate is dear"), "{text}");
+    assert!(text.contains("estimates a ray") && text.contains("the estimate is expensive"), "{text}");
     let refused = bulbfold(&["render", "opaque.ron", "--quality", "proof", "--calibrate", "off"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&refused.stderr).contains("--de certified-ball"));

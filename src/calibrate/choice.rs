@@ -19,7 +19,7 @@ const WEIGHT_OF_LEFT: f64 = 2.0;
 /// What missed hits weigh where maps jump: early stops there are what a jump looks like, and missed hits are holes.
 const WEIGHT_OF_HOLES: f64 = 10.0;
 
-/// How much dearer than the cheapest that is only seen to keep the budget one of them may be that misses less.
+/// How much more expensive than the cheapest that is only seen to keep the budget one of them may be that misses less.
 const LUCK: f64 = 1.6;
 
 /// What the choice goes by besides the evidence.

@@ -56,8 +56,8 @@ const ENOUGH_HITS: usize = 500;
 const SHARE_OF_TRUTH: f64 = 0.4;
 /// Most rays that candidates march, those with a truth included.
 const MOST_RAYS: usize = 24_000;
-/// Estimates a ray from which on a choice is dear.
-const DEAR_ESTIMATES: f64 = 200.0;
+/// Estimates a ray from which on a choice is expensive.
+const EXPENSIVE: f64 = 200.0;
 
 /// What a calibration goes by.
 #[derive(Clone, PartialEq, Debug)]
@@ -197,11 +197,14 @@ impl Calibration {
     }
 
     /// What a picture will cost, in a line, where the choice takes many estimates a ray.
-    pub fn dear(&self) -> Option<String> {
+    pub fn warns_of_price(&self) -> Option<String> {
         let chosen = self.evidence.iter().find(|row| row.is_chosen())?;
         let cheapest = self.evidence.iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-        let line =
-            format!("the estimate is dear: {} takes {:.0} estimates a ray", chosen.candidate.name(), chosen.estimates);
+        let line = format!(
+            "the estimate is expensive: {} takes {:.0} estimates a ray",
+            chosen.candidate.name(),
+            chosen.estimates
+        );
         let beside = || {
             format!(
                 ", {:.1} times the price of {} at fudge {}, which misses {:.2} % of {} hits",
@@ -212,8 +215,8 @@ impl Calibration {
                 cheapest.missed.of
             )
         };
-        let is_dear = chosen.estimates >= DEAR_ESTIMATES;
-        is_dear.then(|| if cheapest.is_chosen() { line } else { line + beside().as_str() })
+        let is_expensive = chosen.estimates >= EXPENSIVE;
+        is_expensive.then(|| if cheapest.is_chosen() { line } else { line + beside().as_str() })
     }
 }
 

@@ -44,7 +44,7 @@ const SHARE_OF_CAREFUL: f64 = 0.2;
 const HOPELESS: [f64; 3] = [4.0, 10.0, 30.0];
 /// What is not at least so much better is no help.
 const HELP: f64 = 0.8;
-/// How much dearer than the cheapest candidate that is seen to keep the budget one may be that is shown to.
+/// How much more expensive than the cheapest candidate that is seen to keep the budget one may be that is shown to.
 pub(super) const SURER: f64 = 2.3;
 /// Times the price of the cheapest candidate that keeps the budget as printed which no choice may cost, unless asked for.
 pub const MOST_PRICE: f64 = 8.0;
@@ -151,7 +151,7 @@ impl<'a> Race<'a> {
             let is_proof = entry.candidate.method.is_some_and(Method::is_certified);
             if is_proof && !entry.is_piloted {
                 self.ask_first(entry)?;
-            } else if !self.is_too_dear(&entry) {
+            } else if !self.is_too_expensive(&entry) {
                 self.try_one(&entry.candidate, self.first)?;
                 self.settle(self.tried.len() - 1, entry.after);
             }
@@ -321,20 +321,20 @@ impl<'a> Race<'a> {
     }
 
     /// Whether measuring a candidate takes more than all the work that is left, on the fewest rays. Others are tried first.
-    fn is_too_dear(&mut self, entry: &Entry) -> bool {
-        let is_too_dear = entry.expected * LEAST_RAYS as f64 > self.left().max(0.25 * self.meter.limit())
+    fn is_too_expensive(&mut self, entry: &Entry) -> bool {
+        let is_too_expensive = entry.expected * LEAST_RAYS as f64 > self.left().max(0.25 * self.meter.limit())
             && self.tried.len() + self.open.len() >= FEWEST;
-        if is_too_dear {
+        if is_too_expensive {
             let name = entry.candidate.name();
             self.notes.push(format!(
                 "{name}: about {:.1} times the rules' price, too dear to be tried",
                 entry.expected / self.pilot.price
             ));
         }
-        is_too_dear
+        is_too_expensive
     }
 
-    /// Marches with a candidate, on fewer rays where it is dear.
+    /// Marches with a candidate, on fewer rays where it is expensive.
     fn try_one(&mut self, candidate: &Candidate, count: usize) -> ComposeResult<()> {
         let march = self.marching.compose(&self.space.plan(candidate))?;
         let march = self.marching.compile(&march);

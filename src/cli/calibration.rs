@@ -67,7 +67,7 @@ pub fn settle_estimate(session: &Session, subject: Subject, wish: &Wish) -> Resu
     progress.finish();
     let calibration = calibration.map_err(|diagnostic| session.failure(diagnostic))?;
     calibration.warnings.iter().for_each(|warning| session.warn(warning));
-    if let (Some(line), false) = (calibration.dear(), wish.quiet) {
+    if let (Some(line), false) = (calibration.warns_of_price(), wish.quiet) {
         talk(&format!("note: {line}"));
     }
     Ok(calibration)

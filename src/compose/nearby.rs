@@ -332,10 +332,9 @@ fn compose(composer: &Composer, orbit: &FieldOrbit, choice: &Choice, claim: Opti
     let (choice, carried, purpose) = match claim {
         // r's gradient ends an orbit before any other derivative does.
         Some(Claim::Ends) => {
-            let method = if choice.differentiable { Method::Gradient } else { Method::Scalar };
-            let scalar = !choice.differentiable && choice.applicable.contains(&Method::Scalar);
-            let carried = Carried { jacobian: choice.differentiable, scalar, ..Carried::NOTHING };
-            (Choice { method, tight: false, ends: true, ..choice.clone() }, carried, Purpose::March)
+            let carried = Carried { jacobian: true, ..Carried::NOTHING };
+            let choice = Choice { method: Method::Gradient, tight: false, ends: true, ..choice.clone() };
+            (choice, carried, Purpose::March)
         }
         Some(Claim::Estimate) => {
             let choice = Choice { ends: false, ..choice.clone() };

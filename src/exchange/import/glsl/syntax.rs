@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::token::{Kind, Token};
+use super::token::{Kind, OPERATORS, Token};
 use super::value::size_of;
 
 /// Deepest nesting of expressions and statements.
@@ -402,7 +402,7 @@ impl Parser<'_> {
     }
 
     fn binary(&mut self, level: usize) -> Parsed<Expr> {
-        let Some(signs) = LEVELS.get(level) else { return self.unary() };
+        let Some(signs) = OPERATORS.get(level) else { return self.unary() };
         let (mut value, mut terms) = (self.binary(level + 1)?, 0);
         'next: loop {
             for sign in *signs {
@@ -489,18 +489,3 @@ impl Parser<'_> {
         Ok(arguments)
     }
 }
-
-/// Binary operators, loosest first.
-const LEVELS: &[&[&str]] = &[
-    &["||"],
-    &["^^"],
-    &["&&"],
-    &["|"],
-    &["^"],
-    &["&"],
-    &["==", "!="],
-    &["<=", ">=", "<", ">"],
-    &["<<", ">>"],
-    &["+", "-"],
-    &["*", "/", "%"],
-];

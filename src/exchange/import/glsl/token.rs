@@ -2,6 +2,21 @@
 
 use std::collections::HashMap;
 
+/// Binary operators, loosest first.
+pub const OPERATORS: &[&[&str]] = &[
+    &["||"],
+    &["^^"],
+    &["&&"],
+    &["|"],
+    &["^"],
+    &["&"],
+    &["==", "!="],
+    &["<=", ">=", "<", ">"],
+    &["<<", ">>"],
+    &["+", "-"],
+    &["*", "/", "%"],
+];
+
 /// A word with its line, from 1.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Token {
