@@ -1,0 +1,59 @@
+//! Every test from outside the library in one program: one module a subject.
+
+mod auto;
+mod backends;
+mod beams;
+mod bench;
+mod bounds;
+mod calibrate_write;
+mod certified;
+#[cfg(feature = "chart")]
+mod chart;
+mod check;
+mod choice;
+mod cli;
+mod colours;
+mod compiled;
+mod cost;
+mod diagnostics;
+mod docs;
+mod end_shapes;
+mod estimate_settings;
+mod exchange;
+mod expressions;
+mod find;
+mod formulas;
+mod framing;
+#[cfg(feature = "chart")]
+mod gallery;
+mod high_precision;
+#[cfg(unix)]
+mod hostile;
+mod language;
+mod layering;
+mod lost_device;
+mod memory;
+mod methods;
+mod mutations;
+mod notation;
+mod orbit_counts;
+#[cfg(unix)]
+mod output;
+mod pictures;
+mod planes;
+mod precision;
+mod presets;
+mod random_graphs;
+mod reach;
+mod rows;
+mod sampled;
+mod scripts;
+mod shortcuts;
+mod stability;
+mod step_rules;
+mod stop_at;
+mod sweep;
+mod truth;
+mod user_step;
+#[cfg(feature = "chart")]
+mod view;
