@@ -7,7 +7,7 @@
 //! points and iterations, against two a multiply-add. Times are the least of several, taken by turns.
 
 use std::hint::black_box;
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Instant;
 
 use bulbfold::compose::{Composer, Purpose, choose, compose_estimator};
@@ -254,10 +254,10 @@ fn peak<S: Simd>(token: S) -> f64 {
 }
 
 /// The compiled estimator of a built-in fractal with its scalar derivative, and the operations of its estimates.
-fn composed(name: &str) -> (Rc<Arena>, Estimator) {
+fn composed(name: &str) -> (Arc<Arena>, Estimator) {
     let mut library = Library::builtin();
     let loaded = load(&mut library, name, &[], &mut Diagnostics::default()).expect("built-in fractals load");
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &library, graph: &loaded.graph };
     let settings = EstimateSettings { method: Some(Method::Scalar), ..EstimateSettings::default() };
     let plan = choose(&composer, &settings).expect("built-in fractals compose");

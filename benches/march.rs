@@ -3,7 +3,7 @@
 //! The CPU runs on one thread (`RAYON_NUM_THREADS` is set to 1 unless given), so that its precisions compare lane with
 //! lane; lavapipe uses all cores, as drivers do. `cargo bench` prints the times side by side.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::Composer;
 use bulbfold::diag::Diagnostics;
@@ -29,7 +29,7 @@ fn bench_march<B: Backend>(bencher: divan::Bencher, name: &str, backend: &B) {
     let mut library = Library::builtin();
     let mut diagnostics = Diagnostics::default();
     let loaded = load(&mut library, name, &[], &mut diagnostics).expect("built-in fractals load");
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &library, graph: &loaded.graph };
     let settings = RenderSettings { size: Size { width: 640, height: 480 }, ..RenderSettings::default() };
     let pipeline = compose_pipeline(&composer, &settings).expect("built-in fractals compose");

@@ -5,7 +5,7 @@
 //! parameter compiles nothing; a frame whose structure differs brings its own kernels, which [`FrameRenderer::compiled`] counts.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use crate::expr::Arena;
 use crate::kernel::template::{Joined, Templates};
@@ -36,7 +36,7 @@ pub struct JoinedFrames {
 
 impl Frames {
     /// Adds the next frame.
-    pub fn add(&mut self, arena: &Rc<Arena>, pipeline: &Pipeline) {
+    pub fn add(&mut self, arena: &Arc<Arena>, pipeline: &Pipeline) {
         let mut kernels = Vec::new();
         for (name, kernel) in pipeline.kernels() {
             self.templates.entry(name).or_default().add(arena, kernel);

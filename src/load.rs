@@ -76,6 +76,7 @@ pub fn load_text(
     set: &[(String, String)],
     d: &mut Diagnostics,
 ) -> Option<Loaded> {
+    library.engine.begin_formula();
     let overrides = read_overrides(library, set, d);
     let id = library.sources.add(name, text);
     if text.trim().is_empty() {

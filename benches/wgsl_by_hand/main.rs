@@ -3,7 +3,7 @@
 //! `cargo bench --bench wgsl_by_hand -- [ROUNDS] [WIDTHxHEIGHT]` runs both by turns and prints times, their ratio and how far the
 //! results agree. A fast device needs a larger size than the 640x480 rays that are the default.
 
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Instant;
 
 use bulbfold::compose::Composer;
@@ -39,7 +39,7 @@ fn main() {
     };
     println!("{}, {} x {} rays, {rounds} rounds", gpu.adapter().name, size.width, size.height);
     for (name, wgsl) in FRACTALS {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let pipeline = pipeline(&arena, name, size);
         let pixels: Vec<(u32, u32)> = bulbfold::film::tiles(size).iter().flat_map(|tile| tile.pixels()).collect();
         let column = |f: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(f(p)) + 0.5).collect::<Vec<f64>>();
@@ -79,7 +79,7 @@ fn wanted() -> Result<(usize, Size), String> {
     Ok((rounds, size))
 }
 
-fn pipeline(arena: &Rc<Arena>, name: &str, size: Size) -> Pipeline {
+fn pipeline(arena: &Arc<Arena>, name: &str, size: Size) -> Pipeline {
     let mut library = Library::builtin();
     let loaded = load(&mut library, name, &[], &mut Diagnostics::default()).expect("built-in fractals load");
     let estimate = EstimateSettings {

@@ -15,7 +15,7 @@
 //! assert!((Limit::menger().distance([1.0, 0.0, 0.0]) - 1.0 / 3.0).abs() < 1e-9);
 //! ```
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -34,7 +34,7 @@ enum Hull {
     /// The cube of this centre and half its edge.
     Cube(DVec3, f64),
     /// A polytope of this centre, and how many times as large it is.
-    Polytope(Rc<Polytope>, DVec3, f64),
+    Polytope(Arc<Polytope>, DVec3, f64),
 }
 
 /// A convex polytope around the origin.
@@ -118,7 +118,7 @@ impl Limit {
     /// Copies shrunk about each corner of a polytope around the origin.
     fn about_corners(name: &'static str, corners: Vec<DVec3>, scale: f64) -> Limit {
         let polytope = Polytope::of(corners.clone());
-        Limit { name, hull: Hull::Polytope(Rc::new(polytope), DVec3::ZERO, 1.0), scale, fixed_points: corners }
+        Limit { name, hull: Hull::Polytope(Arc::new(polytope), DVec3::ZERO, 1.0), scale, fixed_points: corners }
     }
 
     /// The limit set of a formula, where it is one of those that are known: a fold onto a corner of a sponge or a

@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::path::Path;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::backends::{Backends, Target};
 use super::report::Report;
@@ -43,7 +43,7 @@ impl std::error::Error for FormulaError {}
 pub struct Formula {
     library: Library,
     graph: ValidGraph,
-    arena: Rc<Arena>,
+    arena: Arc<Arena>,
     text: SourceId,
     plan: Plan,
 }
@@ -84,7 +84,7 @@ impl Formula {
         let Some(Loaded { graph, text, .. }) = loaded.filter(|_| !d.has_errors()) else {
             return Err(FormulaError(d.render(&library.sources, false)));
         };
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let plan = Subject::new(&library, &graph, &arena).map(|subject| subject.plan);
         match plan {
             Ok(plan) => Ok(Formula { library, graph, arena, text, plan }),
@@ -207,4 +207,22 @@ pub(super) fn rendered(error: Diagnostic, library: &Library) -> String {
     let mut d = Diagnostics::default();
     d.push(error);
     d.render(&library.sources, false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Formula;
+
+    /// Threads may share a formula, and everything that it is made of.
+    #[test]
+    fn formulas_are_shared_between_threads() {
+        fn shared<T: Send + Sync>() {}
+        shared::<Formula>();
+        let formula = Formula::builtin("mandelbulb").unwrap();
+        let inside = || formula.inside([0.0; 3]) && !formula.inside([1.3, 0.0, 0.0]);
+        std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..4).map(|_| scope.spawn(inside)).collect();
+            assert!(threads.into_iter().all(|thread| thread.join().is_ok_and(|holds| holds)));
+        });
+    }
 }

@@ -1,7 +1,7 @@
 //! Finds formula and step files and runs what each has to be tested for.
 
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::backends::{Backends, Target};
@@ -184,7 +184,7 @@ impl<'a> Runner<'a> {
             let mut d = Diagnostics::default();
             let loaded = load(library, file, &set, &mut d);
             let loaded = loaded.ok_or_else(|| d.render(&library.sources, false))?;
-            let arena = Rc::new(Arena::default());
+            let arena = Arc::new(Arena::default());
             let subject = Subject::new(library, &loaded.graph, &arena).map_err(|error| rendered(error, library))?;
             check_wgsl(&subject)
         });
@@ -210,7 +210,7 @@ impl<'a> Runner<'a> {
         if !self.wants(&names) {
             return;
         }
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let subject = match Subject::new(library, graph, &arena) {
             Ok(subject) => subject,
             Err(error) => return self.run(format!("{name}::composes"), None, || Err(rendered(error, library))),

@@ -1,6 +1,6 @@
 //! Tests of step files: worked examples on every back end, and what the exact derivative says of both functions.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use rhai::Map;
 
@@ -67,7 +67,7 @@ fn shown(v: &[f64]) -> String {
 }
 
 impl StepCase<'_> {
-    fn params(&self, arena: &Rc<Arena>, given: &[(String, ParamValue)]) -> Map {
+    fn params(&self, arena: &Arc<Arena>, given: &[(String, ParamValue)]) -> Map {
         let mut map = Map::new();
         for param in &self.step.params {
             let value = given.iter().find(|(name, _)| *name == param.name).map_or(&param.default, |(_, value)| value);
@@ -78,7 +78,7 @@ impl StepCase<'_> {
 
     pub(super) fn trace<'g>(
         &self,
-        arena: &'g Rc<Arena>,
+        arena: &'g Arc<Arena>,
         width: u8,
         params: &[(String, ParamValue)],
         with_dr: bool,
@@ -101,7 +101,7 @@ impl StepCase<'_> {
 
     /// One worked example on one back end.
     pub(super) fn example(&self, example: &StepExample, target: Target) -> Result<(), String> {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let width = example.z.len();
         let (ports, traced) = self.trace(&arena, width as u8, &example.params, example.dr.is_some())?;
         let mut function = Function::new("step", ports);
@@ -161,7 +161,7 @@ impl StepCase<'_> {
 
     pub(super) fn jacobian_function(
         &self,
-        arena: &Rc<Arena>,
+        arena: &Arc<Arena>,
         width: u8,
         params: &[(String, ParamValue)],
         with_dr: bool,
@@ -172,7 +172,7 @@ impl StepCase<'_> {
     /// The derivative by the input `by`: the state's number, or [`BEFORE`].
     fn jacobian_by(
         &self,
-        arena: &Rc<Arena>,
+        arena: &Arc<Arena>,
         width: u8,
         params: &[(String, ParamValue)],
         (by, with_dr): (u16, bool),
@@ -211,7 +211,7 @@ impl StepCase<'_> {
         points: &[Vec<f64>],
         by: u16,
     ) -> Result<(), String> {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let function = self.jacobian_by(&arena, width, params, (by, false))?;
         let n = usize::from(width);
         let m = image_width(self.step, n);
@@ -271,7 +271,7 @@ impl StepCase<'_> {
 
     /// Of a step that remembers the rule bounds the stretch by each of the two states, the other one at rest.
     fn bound_by(&self, width: u8, params: &Params, points: &[Vec<f64>], by: u16) -> Result<(), String> {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let kernel = Kernel::Map(self.jacobian_by(&arena, width, params, (by, true))?);
         let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns_by(width, points, by));
         let out = out.map_err(|e| e.to_string())?;
@@ -321,7 +321,7 @@ impl StepCase<'_> {
                         p.iter_mut().for_each(|x| *x /= length);
                     });
                 }
-                let arena = Rc::new(Arena::default());
+                let arena = Arc::new(Arena::default());
                 let kernel = Kernel::Map(self.jacobian_function(&arena, width, &params, false)?);
                 let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns(width, &points));
                 let out = out.map_err(|e| e.to_string())?;

@@ -1,6 +1,6 @@
 //! One formula under test: its kernels, and the numbers they give on any back end.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::backends::{Backends, Target};
 use crate::compose::{Choice, ComposeResult, Composer, Plan, Purpose, choose, compose_estimator};
@@ -22,7 +22,7 @@ pub struct Subject<'a> {
     /// The fractal.
     pub graph: &'a ValidGraph,
     /// Its expressions.
-    pub arena: &'a Rc<Arena>,
+    pub arena: &'a Arc<Arena>,
     /// Methods, forms and extent.
     pub plan: Plan,
 }
@@ -34,7 +34,7 @@ pub(super) fn estimator_columns(points: &[[f64; 3]], h: &[f64], hit_eps: f64) ->
 
 impl<'a> Subject<'a> {
     /// Makes the choices for a graph.
-    pub fn new(library: &'a Library, graph: &'a ValidGraph, arena: &'a Rc<Arena>) -> ComposeResult<Subject<'a>> {
+    pub fn new(library: &'a Library, graph: &'a ValidGraph, arena: &'a Arc<Arena>) -> ComposeResult<Subject<'a>> {
         let plan = choose(&Composer { arena, library, graph }, &EstimateSettings::default())?;
         Ok(Subject { library, graph, arena, plan })
     }

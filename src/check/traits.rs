@@ -1,6 +1,6 @@
 //! What steps are, measured.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::backends::{Backends, Target};
 use super::steps::{StepCase, widths};
@@ -28,7 +28,7 @@ pub fn is_conformal(library: &Library, step: &Step) -> bool {
     let backends = Backends::cpu_only();
     let case = StepCase { library, step, backends: &backends };
     let width = widths(step)[0];
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let Ok(function) = case.jacobian_function(&arena, width, &[], false) else { return false };
     let n = usize::from(width);
     let mut random = Random::new(11);

@@ -1,7 +1,7 @@
 //! `bulbfold audit`: what of a picture is certain.
 
 use std::io::Write;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::audit::{Audit, Mistake, audit};
 use bulbfold::compose::Composer;
@@ -46,7 +46,7 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     let graph = session.load_solid(&arguments.formula.file, &arguments.formula.changes(), "`audit`")?;
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     let estimate = arguments.estimate.settings();
     let settings = RenderSettings { size: arguments.size, estimate, ..RenderSettings::default() };

@@ -4,7 +4,7 @@ mod report;
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Duration;
 
 use bulbfold::check::measure::peak::peak_mul_adds;
@@ -217,7 +217,7 @@ struct Bench<'a> {
 
 impl Bench<'_> {
     fn measure(&self, progress: &mut dyn FnMut(f64)) -> Result<Measured, Failure> {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let composer = Composer { arena: &arena, library: &self.session.library, graph: self.graph };
         let plans = self.plans(&composer)?;
         let engines = self.engines();

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::expr::Arena;
 use bulbfold::shade::Size;
@@ -91,7 +91,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     for (i, file) in arguments.files.iter().enumerate() {
         // What the file carries is measured anew, as `--write` does.
         let graph = session.load_solid(file, &arguments.changes.changes(), "`calibrate`")?.without_calibration();
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let graph = seen(session, &arena, graph, arguments.size, &arguments.estimate.estimate.settings())?;
         let calibration = choose_estimate(session, &graph, &arena, &arguments.wish())?;
         if arguments.json {

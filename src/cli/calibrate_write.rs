@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Instant;
 
 use bulbfold::calibrate::written::{with_outcome, without_outcome};
@@ -157,7 +157,7 @@ fn settle(
 
 /// Does something with a graph's subject; the message of a step's script that fails, else.
 fn with_subject<T>(session: &Session, graph: &ValidGraph, work: impl FnOnce(&Subject) -> T) -> Result<T, String> {
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let subject = Subject::new(&session.library, graph, &arena).map_err(|error| told(session.failure(error)))?;
     Ok(work(&subject))
 }

@@ -1,7 +1,7 @@
 //! What commands that say `auto` share: the calibration of a formula for a view, and its evidence as a table.
 
 use std::fmt::Write as _;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::calibrate::written::calibrated;
 use bulbfold::calibrate::{Budget, Calibration, Options, Origin, Row, Verdict, cache, calibrate, camera_of};
@@ -38,7 +38,7 @@ pub struct Wish<'a> {
 pub fn choose_estimate(
     session: &Session,
     graph: &ValidGraph,
-    arena: &Rc<Arena>,
+    arena: &Arc<Arena>,
     wish: &Wish,
 ) -> Result<Calibration, Failure> {
     let composer = Composer { arena, library: &session.library, graph };

@@ -1,7 +1,7 @@
 //! `bulbfold chart`: what every estimate costs and how right it is, as SVG, PNG or CSV.
 
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::calibrate::{Options, calibrate};
 use bulbfold::chart::cost::CostChart;
@@ -231,7 +231,7 @@ struct Chart<'a> {
 
 impl Chart<'_> {
     fn sheet(&self, progress: &mut dyn FnMut(f64)) -> Result<Sheet, Failure> {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let subject = Subject::new(&self.session.library, self.graph, &arena);
         let subject = subject.map_err(|diagnostic| self.session.failure(diagnostic))?;
         for warning in &subject.plan.warnings {

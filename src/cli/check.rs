@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::Subject;
 use bulbfold::check::health::{Finding, Health, Severity, check_formula, check_step};
@@ -60,7 +60,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 }
 
 /// The step of that file or name, where it is one; nothing where it is a formula.
-fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Rc<Step>>, Failure> {
+fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Arc<Step>>, Failure> {
     let path = formula.file.as_path();
     let text = match path.extension().is_some_and(|e| e == "rhai") && path.is_file() {
         true => read_text(path, MAX_TEXT, Chosen::Found).unwrap_or_default(),
@@ -93,7 +93,7 @@ fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Rc<Ste
 
 fn formula_health(arguments: &Arguments, session: &mut Session) -> Result<Health, Failure> {
     let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let subject = Subject::new(&session.library, &graph, &arena).map_err(|error| session.failure(error))?;
     let mut progress = Progress::new(false);
     let health = check_formula(&subject, arguments.size, &mut |share| progress.update(share));

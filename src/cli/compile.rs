@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::Composer;
 use bulbfold::diag::Sources;
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 }
 
 fn kernels(arguments: &Arguments, session: &Session, graph: &ValidGraph) -> Result<String, Failure> {
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph };
     let settings = RenderSettings { estimate: arguments.estimate.settings(), ..RenderSettings::default() };
     let pipeline = compose_pipeline(&composer, &settings).map_err(|diagnostic| session.failure(diagnostic))?;

@@ -1,7 +1,7 @@
 //! `bulbfold compile --emit cost`: what every step of a formula costs, as a table.
 
 use std::fmt::Write as _;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::{ComposeResult, Composer, IterationParts, field_orbits, iteration_parts};
 use bulbfold::expr::ops::{Operator, OperatorKind};
@@ -23,7 +23,7 @@ pub fn table(composer: &Composer, pipeline: &Pipeline) -> ComposeResult<String> 
     };
     let mut text = String::new();
     let orbits = field_orbits(composer);
-    let written = Rc::new(Arena::as_written());
+    let written = Arc::new(Arena::as_written());
     let as_written = Composer { arena: &written, ..*composer };
     for ((orbit, choice), kernel) in orbits.iter().zip(&pipeline.plan.choices).zip(&march.estimator.orbits) {
         let _ = writeln!(

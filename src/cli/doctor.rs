@@ -1,7 +1,7 @@
 //! `bulbfold doctor`: what this machine has, and whether its back ends agree.
 
 use std::io::Write;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::{Composer, Purpose, choose, compose_estimator};
 use bulbfold::expr::Arena;
@@ -71,7 +71,7 @@ type Verdict = (String, Result<String, String>);
 
 fn compare(session: &mut Session, name: &str) -> Result<Vec<Verdict>, Failure> {
     let graph = session.load(name, &[])?.graph;
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     let kernel = choose(&composer, &EstimateSettings::default()).and_then(|plan| {
         let estimator = compose_estimator(&composer, &plan.choices, Purpose::March)?;

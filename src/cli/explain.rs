@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::{Composer, choose};
 use bulbfold::diag::Diagnostics;
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 }
 
 /// The step of this name or in this file, if there is one.
-fn find_step(session: &mut Session, path: &Path) -> Result<Option<Rc<Step>>, Failure> {
+fn find_step(session: &mut Session, path: &Path) -> Result<Option<Arc<Step>>, Failure> {
     let is_step_file = path.extension().is_some_and(|e| e == "rhai")
         && read_text(path, MAX_TEXT, Chosen::Found).is_ok_and(|text| bulbfold::formula::shape::is_step_text(&text));
     if !is_step_file {
@@ -201,7 +201,7 @@ fn example_row(example: &bulbfold::formula::step::StepExample) -> Vec<String> {
 
 /// What the step becomes with its default parameters: expressions and WGSL.
 fn code_blocks(session: &Session, step: &Step) -> Result<Vec<Block>, Failure> {
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let ty = if step.state == StateWidth::Four { Type::V4 } else { Type::V3 };
     let mut ports = vec![Port::new("z", ty), Port::new("c", ty), Port::new("dr", Type::F)];
     if step.remembers() {
@@ -242,7 +242,7 @@ fn code_of(session: &Session, step: &Step, arena: &Arena, function: Function) ->
 }
 
 fn fractal_page(session: &Session, graph: &ValidGraph, latex: bool) -> Result<Vec<Block>, Failure> {
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph };
     let plan = choose(&composer, &EstimateSettings::default()).map_err(|diagnostic| session.failure(diagnostic))?;
     let mut blocks = vec![Block::Heading(1, graph.name.clone())];

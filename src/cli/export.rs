@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::{Composer, choose};
 use bulbfold::exchange::export::{ExportError, Exported, Target, export};
@@ -72,7 +72,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let output = arguments.output.as_ref().map(|path| check_output(path, None, content)).transpose()?;
     let mut graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     output.iter().try_for_each(|output| session.spare_inputs(output))?;
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let wanted = arguments.estimate.settings();
     let chosen = |graph: &ValidGraph| choose(&Composer { arena: &arena, library: &session.library, graph }, &wanted);
     let mut plan = chosen(&graph).map_err(|d| session.failure(d))?;

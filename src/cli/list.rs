@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::is_conformal;
 use bulbfold::compose::{Composer, choose, scalar_rules};
@@ -267,7 +267,7 @@ fn fractal_properties(
     estimates: bool,
     known: &mut BTreeMap<String, bool>,
 ) -> Option<Properties> {
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph };
     let plan = match estimates {
         true => Some(choose(&composer, &EstimateSettings::default()).ok()?),

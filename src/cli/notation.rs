@@ -1,6 +1,6 @@
 //! The mathematics of steps and fractals, for `explain`: plain text or LaTeX.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::{Composer, FieldOrbit, field_orbits};
 use bulbfold::expr::{Arena, Function, notation};
@@ -33,7 +33,7 @@ impl Notation<'_> {
 
     /// A step's map, its scalar rule and its exact derivative.
     pub fn step(&self, step: &Step) -> Result<Vec<Block>, Failure> {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let written =
             written(&self.session.library, step, &arena, &[]).map_err(|diagnostic| self.session.failure(diagnostic))?;
         let mut blocks = vec![Block::Heading(2, "Formula".into())];
@@ -134,7 +134,7 @@ impl Notation<'_> {
                 ParamInput::OfIteration(_) => None,
             })
             .collect();
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let written = written(&self.session.library, step, &arena, &given);
         let written = written.map_err(|diagnostic| self.session.failure(diagnostic))?;
         let values: Vec<String> = inputs

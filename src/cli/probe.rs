@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator};
 use bulbfold::expr::Arena;
@@ -70,7 +70,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
     let precision = wanted.precision(PrecisionArg::F64)?;
     let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let probe = Probe { arguments, session, graph: &graph, arena: &arena, precision };
     match &arguments.rays {
         Some(path) => {
@@ -91,7 +91,7 @@ struct Probe<'a> {
     arguments: &'a Arguments,
     session: &'a Session,
     graph: &'a ValidGraph,
-    arena: &'a Rc<Arena>,
+    arena: &'a Arc<Arena>,
     precision: PrecisionArg,
 }
 

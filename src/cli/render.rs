@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bulbfold::calibrate::Calibration;
@@ -272,7 +272,7 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
     if !arguments.is_plain() {
         refuse_plane(&graph, "`--view`")?;
     }
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let Fitted { graph, settings, pipeline, precision, calibration, composing } =
         fit(session, arguments, asked, &arena, graph)?;
     #[cfg(feature = "chart")]
@@ -336,7 +336,7 @@ fn fit(
     session: &Session,
     arguments: &Arguments,
     asked: PrecisionArg,
-    arena: &Rc<Arena>,
+    arena: &Arc<Arena>,
     graph: ValidGraph,
 ) -> Result<Fitted, Failure> {
     let failed = |diagnostic| session.failure(diagnostic);
@@ -410,7 +410,7 @@ fn output_path(arguments: &Arguments) -> PathBuf {
 /// The graph with the camera that was asked for, and the plan where one was made that still holds.
 pub(super) fn with_view(
     session: &Session,
-    arena: &Rc<Arena>,
+    arena: &Arc<Arena>,
     graph: ValidGraph,
     settings: &RenderSettings,
     view: &CameraArgs,
@@ -436,7 +436,7 @@ pub(super) fn picture(
     progress: &mut (dyn FnMut(f64) + Send),
 ) -> Result<Image, Failure> {
     let asked = arguments.prepare()?;
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let Fitted { settings, pipeline, precision, .. } = fit(session, arguments, asked, &arena, graph)?;
     let mut job = PictureJob { arena: &arena, pipeline: &pipeline, settings: &settings, progress };
     let (_, image) = run_job(session, arguments.backend, precision, &mut job)?;

@@ -1,6 +1,6 @@
 //! What commands that look at a fractal share: its view, the iterations that the view needs, and a word where the camera is in the set.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::Subject;
 use bulbfold::compose::{Composer, Plan, choose};
@@ -25,7 +25,7 @@ pub struct Wanted<'a> {
 /// The plan that the rules make of a graph.
 pub fn plan_of(
     session: &Session,
-    arena: &Rc<Arena>,
+    arena: &Arc<Arena>,
     graph: &ValidGraph,
     estimate: &EstimateSettings,
 ) -> Result<Plan, Failure> {
@@ -37,7 +37,7 @@ pub fn plan_of(
 /// stay as they are.
 pub fn framed(
     session: &Session,
-    arena: &Rc<Arena>,
+    arena: &Arc<Arena>,
     graph: ValidGraph,
     estimate: &EstimateSettings,
 ) -> Result<(ValidGraph, Option<Plan>), Failure> {
@@ -52,7 +52,7 @@ pub fn framed(
 /// The iterations that the view of a graph needs, where its limit follows the view.
 pub fn iterations(
     session: &Session,
-    arena: &Rc<Arena>,
+    arena: &Arc<Arena>,
     graph: &ValidGraph,
     wanted: Wanted,
 ) -> Result<Option<Iterations>, Failure> {
@@ -67,7 +67,7 @@ pub fn iterations(
 /// The graph as its own view shows it: framed, with the iterations that pictures of this size need.
 pub fn seen(
     session: &Session,
-    arena: &Rc<Arena>,
+    arena: &Arc<Arena>,
     graph: ValidGraph,
     size: Size,
     estimate: &EstimateSettings,

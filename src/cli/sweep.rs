@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::io::Write;
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bulbfold::calibrate::Calibration;
@@ -107,7 +107,7 @@ pub fn run(
     let mut plans = Plans::of(sweep);
     for &frame in &todo {
         let graph = &graphs[frame as usize];
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let composer = Composer { arena: &arena, library: &session.library, graph };
         let failed = |diagnostic| session.failure(diagnostic);
         let plan = match &estimates {
@@ -180,7 +180,7 @@ fn graphs(
         let file = &arguments.formula.file;
         let loaded = if frame == 0 { session.load(file, &set)? } else { session.load_again(file, &set)? };
         camera.turn = turn;
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         // One frame for all: each framed by itself would jump.
         let (graph, _) = match base {
             Some(camera) if loaded.graph.camera.is_none() && loaded.graph.plane.is_none() => {
@@ -195,7 +195,7 @@ fn graphs(
     let mut most: Option<Iterations> = None;
     for graph in key_frames(&graphs) {
         let wanted = Wanted { size: settings.size, estimate: &settings.estimate, is_own };
-        let found = iterations(session, &Rc::new(Arena::default()), graph, wanted)?;
+        let found = iterations(session, &Arc::new(Arena::default()), graph, wanted)?;
         most = most.map_or(found, |most| Some(found.map_or(most, |found| most.max(found))));
     }
     Ok(match most {
@@ -219,7 +219,7 @@ fn settle(
 ) -> Result<(RenderSettings, PrecisionArg), Failure> {
     let (mut settings, mut precision) = (arguments.settings(asked), asked);
     for graph in key_frames(graphs) {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let composer = Composer { arena: &arena, library: &session.library, graph };
         let pipeline = compose_pipeline(&composer, &settings).map_err(|diagnostic| session.failure(diagnostic))?;
         precision = settle_precision(session, arguments, precision, &resolution(&arena, &pipeline, settings.size));
@@ -269,7 +269,7 @@ fn estimates(
 ) -> Result<Estimates, Failure> {
     let mut chosen = Vec::new();
     for graph in key_frames(graphs) {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let calibration: Calibration =
             choose_estimate(session, graph, &arena, &arguments.wish(graph, settings, precision))?;
         chosen.push(calibration.chosen);

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bulbfold::calibrate::Budget;
@@ -117,7 +117,7 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
     let precision = wanted.precision(PrecisionArg::F64)?;
     let given = arguments.rays_file.as_ref().map(|path| read_rays(path)).transpose()?;
     let graph = session.load_solid(file, &arguments.changes.changes(), "`truth`")?;
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let graph = seen(session, &arena, graph, arguments.size, &arguments.estimate.estimate.settings())?;
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     let wish = Wish {

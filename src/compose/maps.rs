@@ -1,6 +1,6 @@
 //! Maps applied to a state, and what their steps remember of the time before.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use rhai::Map;
 
@@ -211,7 +211,7 @@ fn apply_step<'a>(
 /// Whether the map of a step node depends on the constant, with the parameters that it has. `width` is the state's.
 pub(super) fn reads_constant(composer: &Composer, node: NodeRef, width: u8) -> ComposeResult<bool> {
     // Other arenas would number their nodes otherwise.
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: composer.library, graph: composer.graph };
     let ty = if width == 4 { Type::V4 } else { Type::V3 };
     let input = Moved { z: arena.input(0, ty), dr: None };
@@ -226,7 +226,7 @@ pub(super) fn reads_constant(composer: &Composer, node: NodeRef, width: u8) -> C
 /// A step's parameters as its script sees them.
 pub(super) fn param_map<'a>(composer: &Composer<'a>, step: &Step, params: &[ParamInput], n: Expr<'a>) -> Map {
     // Expressions of the iteration number are traced, too, and before the step is.
-    composer.library.engine.tracer.start(composer.arena, &composer.library.sources, step.text);
+    composer.library.engine.trace(composer.arena, &composer.library.sources, step.text);
     let mut map = Map::new();
     for (param, value) in step.params.iter().zip(params) {
         map.insert(param.name.as_str().into(), param_value(composer, &param.kind, value, n));
@@ -242,11 +242,14 @@ fn param_value<'a>(composer: &Composer<'a>, kind: &ParamKind, value: &ParamInput
             for param in &composer.graph.params {
                 scope.push_constant(param.name.clone(), param.value);
             }
-            scope.push_constant_dynamic("n", to_dynamic(composer.arena, n));
+            scope.push_constant_dynamic("n", to_dynamic(n));
             let value = composer.library.engine.expression(text, &mut scope).unwrap_or(rhai::Dynamic::UNIT);
             match (value.read_lock::<crate::formula::symbolic::Symbol>(), value.as_float()) {
-                (Some(symbol), _) => script_expr(composer.arena, kind, composer.arena.expr(symbol.expr().id)),
-                (None, Ok(x)) => script_expr(composer.arena, kind, composer.arena.f(x)),
+                (Some(symbol), _) => match symbol.expr(composer.arena) {
+                    Some(expr) => script_expr(kind, expr),
+                    None => rhai::Dynamic::from_float(f64::NAN),
+                },
+                (None, Ok(x)) => script_expr(kind, composer.arena.f(x)),
                 _ => rhai::Dynamic::from_float(value.as_int().map_or(f64::NAN, |i| i as f64)),
             }
         }

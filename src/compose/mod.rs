@@ -35,7 +35,7 @@ pub use measure::compose_growth;
 pub use parts::{IterationParts, Part, iteration_parts};
 pub use reach::Reach;
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use crate::diag::Diagnostic;
 use crate::expr::Arena;
@@ -68,7 +68,7 @@ pub enum Purpose {
 #[derive(Clone, Copy)]
 pub struct Composer<'a> {
     /// Where nodes go.
-    pub arena: &'a Rc<Arena>,
+    pub arena: &'a Arc<Arena>,
     /// Steps and script engine.
     pub library: &'a Library,
     /// The fractal.

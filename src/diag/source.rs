@@ -68,7 +68,7 @@ struct Source {
 #[derive(Default, Clone, Debug)]
 pub struct Sources {
     /// Indexed by [`SourceId`].
-    list: Vec<Source>,
+    list: Vec<Arc<Source>>,
 }
 
 /// Where a span starts, and how much of it is on that line.
@@ -89,7 +89,7 @@ impl Sources {
         let text = text.into();
         let line_starts = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
         let id = SourceId(u32::try_from(self.list.len()).unwrap_or(u32::MAX));
-        self.list.push(Source { name: name.into(), text, line_starts });
+        self.list.push(Arc::new(Source { name: name.into(), text, line_starts }));
         id
     }
 
@@ -137,7 +137,7 @@ impl Sources {
 
     /// The text of an id.
     fn get(&self, id: SourceId) -> Option<&Source> {
-        self.list.get(id.0 as usize)
+        self.list.get(id.0 as usize).map(AsRef::as_ref)
     }
 
     /// Text of a 0-based line without its end; empty if there is none.

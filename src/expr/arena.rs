@@ -1,9 +1,9 @@
 //! The arena of nodes, and [`Expr`], the handle that formulas are written with.
 
-use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::fmt;
 use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::ops::Operator;
 use super::simplify;
@@ -127,14 +127,23 @@ impl Node {
 
 type Key = (Op, [NodeId; 4], u8, Type);
 
-/// A hash-consed store of nodes: building an equal node twice gives the same id.
+/// A hash-consed store of nodes: building an equal node twice gives the same id. Threads may share one: nodes are read without
+/// a lock and made under one.
 #[derive(Default)]
 pub struct Arena {
-    nodes: RefCell<Vec<Node>>,
-    known: RefCell<HashMap<Key, NodeId>>,
-    span: Cell<Option<Span>>,
+    /// Grows only, and only under the lock.
+    nodes: boxcar::Vec<Node>,
+    made: Mutex<Made>,
     /// Keeps every operation that is asked for, and only folds constants.
     as_written: bool,
+}
+
+/// What making a node needs.
+#[derive(Default)]
+struct Made {
+    known: HashMap<Key, NodeId>,
+    /// Place that new nodes carry.
+    span: Option<Span>,
 }
 
 impl Arena {
@@ -151,7 +160,7 @@ impl Arena {
 
     /// Number of nodes.
     pub fn len(&self) -> usize {
-        self.nodes.borrow().len()
+        self.nodes.count()
     }
 
     /// True before the first node.
@@ -161,7 +170,7 @@ impl Arena {
 
     /// A copy of a node.
     pub fn node(&self, id: NodeId) -> Node {
-        self.nodes.borrow()[id.index()]
+        self.nodes[id.index()]
     }
 
     /// The handle of a node.
@@ -171,7 +180,7 @@ impl Arena {
 
     /// Nodes made from now on carry this place.
     pub fn set_span(&self, span: Span) {
-        self.span.set(Some(span));
+        self.made().span = Some(span);
     }
 
     /// The number `x`.
@@ -221,24 +230,23 @@ impl Arena {
     pub(super) fn intern(&self, op: Op, args: &[NodeId], ty: Type) -> Expr<'_> {
         let mut padded = [NodeId(u32::MAX); 4];
         padded[..args.len()].copy_from_slice(args);
+        let arity = args.len() as u8;
+        let made = &mut *self.made();
+        let span = made.span.unwrap_or(Span::NONE);
         let new = || {
-            let mut nodes = self.nodes.borrow_mut();
-            let id = NodeId(u32::try_from(nodes.len()).expect("node limits are far below 2^32"));
-            nodes.push(Node {
-                op,
-                args: padded,
-                arity: args.len() as u8,
-                ty,
-                span: self.span.get().unwrap_or(Span::NONE),
-            });
-            id
+            let place = self.nodes.push(Node { op, args: padded, arity, ty, span });
+            NodeId(u32::try_from(place).expect("node limits are far below 2^32"))
         };
-        if self.as_written && !args.is_empty() {
-            return Expr { arena: self, id: new() };
-        }
-        let key = (op, padded, args.len() as u8, ty);
-        let id = *self.known.borrow_mut().entry(key).or_insert_with(new);
+        let id = match self.as_written && !args.is_empty() {
+            true => new(),
+            false => *made.known.entry((op, padded, arity, ty)).or_insert_with(new),
+        };
         Expr { arena: self, id }
+    }
+
+    /// A thread that panicked left a whole store behind.
+    fn made(&self) -> MutexGuard<'_, Made> {
+        self.made.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -1,9 +1,8 @@
 //! The steps that formulas can use: the built-in ones and those of a user's folders, found and read alike.
 
-use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::{Arc, OnceLock};
 
 use super::embedded;
 use super::script::ScriptEngine;
@@ -15,13 +14,14 @@ use crate::files::{Chosen, FileId, MAX_TEXT, is_foreign, read_text};
 /// Most bytes of all scripts beside a formula.
 const MAX_BESIDE: usize = 32 << 20;
 
-/// All texts read so far, the script engine, and the steps found.
+/// All texts read so far, the script engine, and the steps found. A copy shares what it can, and costs some microseconds.
+#[derive(Clone)]
 pub struct Library {
     /// Every text that a message may point into.
     pub sources: Sources,
     /// Runs step files, parameter expressions and graph scripts.
-    pub engine: ScriptEngine,
-    steps: BTreeMap<String, Entry>,
+    pub engine: Arc<ScriptEngine>,
+    steps: BTreeMap<String, Arc<Entry>>,
     /// Names of step files with errors.
     broken: BTreeSet<String>,
     /// Whether steps are read that lie in a folder of another user. They are scripts, and nobody named them.
@@ -36,15 +36,21 @@ pub struct Library {
 /// read all takes longer than a small one.
 struct Entry {
     text: SourceId,
-    step: OnceCell<Rc<Step>>,
+    step: OnceLock<Arc<Step>>,
 }
 
 impl Library {
     /// The built-in steps.
     pub fn builtin() -> Library {
+        static BUILTIN: OnceLock<Library> = OnceLock::new();
+        BUILTIN.get_or_init(Library::unread).clone()
+    }
+
+    /// The built-in steps, none of which is read yet.
+    fn unread() -> Library {
         let mut library = Library {
             sources: Sources::default(),
-            engine: ScriptEngine::new(),
+            engine: Arc::new(ScriptEngine::new()),
             steps: BTreeMap::new(),
             broken: BTreeSet::new(),
             trusts_others: false,
@@ -53,18 +59,18 @@ impl Library {
         };
         for (name, text) in embedded::STEPS {
             let text = library.sources.add(format!("formulas/steps/{name}.rhai"), *text);
-            library.steps.insert(name.to_string(), Entry { text, step: OnceCell::new() });
+            library.steps.insert(name.to_string(), Arc::new(Entry { text, step: OnceLock::new() }));
         }
         library
     }
 
     /// Panics if a built-in file has an error, which a test rules out.
-    fn read<'a>(&self, name: &str, entry: &'a Entry) -> &'a Rc<Step> {
+    fn read<'a>(&self, name: &str, entry: &'a Entry) -> &'a Arc<Step> {
         entry.step.get_or_init(|| {
             let mut diagnostics = Diagnostics::default();
             let step = Step::read(&self.engine, &self.sources, entry.text, name, &mut diagnostics);
             let errors = || diagnostics.render(&self.sources, false);
-            Rc::new(step.unwrap_or_else(|| panic!("built-in steps are broken:\n{}", errors())))
+            Arc::new(step.unwrap_or_else(|| panic!("built-in steps are broken:\n{}", errors())))
         })
     }
 
@@ -80,7 +86,8 @@ impl Library {
         match step {
             Some(step) => {
                 self.broken.remove(name);
-                self.steps.insert(name.to_string(), Entry { text: id, step: OnceCell::from(Rc::new(step)) });
+                let entry = Entry { text: id, step: OnceLock::from(Arc::new(step)) };
+                self.steps.insert(name.to_string(), Arc::new(entry));
             }
             None => {
                 self.broken.insert(name.to_string());
@@ -188,7 +195,7 @@ impl Library {
     }
 
     /// The step of this name.
-    pub fn step(&self, name: &str) -> Option<&Rc<Step>> {
+    pub fn step(&self, name: &str) -> Option<&Arc<Step>> {
         self.steps.get(name).map(|entry| self.read(name, entry))
     }
 
@@ -208,7 +215,7 @@ impl Library {
     }
 
     /// All steps by name.
-    pub fn steps(&self) -> impl Iterator<Item = &Rc<Step>> {
+    pub fn steps(&self) -> impl Iterator<Item = &Arc<Step>> {
         self.steps.iter().map(|(name, entry)| self.read(name, entry))
     }
 }
@@ -219,7 +226,7 @@ mod tests {
 
     #[test]
     fn built_in_steps_are_read_when_they_are_asked_for() {
-        let library = Library::builtin();
+        let library = Library::unread();
         let read = || library.steps.values().filter(|entry| entry.step.get().is_some()).count();
         assert_eq!((read(), library.names().count()), (0, embedded::STEPS.len()));
         assert_eq!(library.step("box_fold").expect("a built-in step").name, "box_fold");

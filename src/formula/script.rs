@@ -1,15 +1,15 @@
 //! The Rhai engine as formulas use it: limits, and errors turned into messages with a place.
 
-use std::cell::OnceCell;
 use std::collections::HashSet;
-use std::rc::Rc;
+use std::sync::{Arc, OnceLock};
 
 use rhai::packages::Package;
 use rhai::{AST, Dynamic, Engine, EvalAltResult, OptimizationLevel, ParseError, ParseErrorType, Position, Scope};
 
-use super::symbolic::{self, Tracer};
+use super::symbolic;
 use super::value::{Name, Value, ValueKind};
 use crate::diag::{Diagnostic, SourceId, Sources, Span};
+use crate::expr::Arena;
 
 mod limits;
 mod names;
@@ -34,14 +34,13 @@ const MAX_VARIABLES: usize = 1_000;
 /// Values beside variables.
 const VALUES: [&str; 1] = ["PI"];
 
-/// A Rhai engine with the symbolic type, and the tracer that its functions report to.
+/// A Rhai engine with the symbolic type. Many threads may use one: what a run has traced and used is its thread's own.
 pub struct ScriptEngine {
     engine: Engine,
-    /// Where nodes and positions go.
-    pub tracer: Rc<Tracer>,
-    meter: Rc<limits::Meter>,
+    /// Names of the functions that work on symbolic values.
+    traced: Vec<&'static str>,
     /// Names of all functions, collected when they are first asked for.
-    functions: OnceCell<HashSet<String>>,
+    functions: OnceLock<HashSet<String>>,
 }
 
 impl ScriptEngine {
@@ -67,10 +66,24 @@ impl ScriptEngine {
         let mut constants = rhai::Module::new();
         constants.set_var("PI", std::f64::consts::PI);
         engine.register_global_module(constants.into());
-        let tracer = Rc::new(Tracer::default());
-        symbolic::register(&mut engine, &tracer);
-        let meter = limits::Meter::of(&mut engine);
-        ScriptEngine { engine, tracer, meter, functions: OnceCell::new() }
+        let traced = symbolic::register(&mut engine);
+        limits::limit(&mut engine);
+        ScriptEngine { engine, traced, functions: OnceLock::new() }
+    }
+
+    /// Names of the functions that work on symbolic values.
+    pub fn traced(&self) -> &[&'static str] {
+        &self.traced
+    }
+
+    /// What this thread runs from now on belongs to another formula, whose traces may take as long as those of any.
+    pub fn begin_formula(&self) {
+        limits::begin();
+    }
+
+    /// Scripts that this thread runs from now on make nodes of `arena`, with positions in the text `id`.
+    pub fn trace(&self, arena: &Arc<Arena>, sources: &Sources, id: SourceId) {
+        symbolic::start_trace(arena, sources, id);
     }
 
     /// The engine, to register more.
@@ -89,7 +102,7 @@ impl ScriptEngine {
 
     /// Runs a script's own statements and returns the value of the last one.
     pub fn run(&self, sources: &Sources, id: SourceId, ast: &AST, scope: &mut Scope) -> Result<Dynamic, Diagnostic> {
-        self.meter.start();
+        limits::start();
         self.engine
             .eval_ast_with_scope::<Dynamic>(scope, ast)
             .map_err(|error| self.runtime_error(sources, id, ast, "", &error))
@@ -104,16 +117,16 @@ impl ScriptEngine {
         name: &str,
         args: Vec<Dynamic>,
     ) -> Result<Dynamic, Diagnostic> {
-        self.meter.start();
+        limits::start();
         let options = rhai::CallFnOptions::new().eval_ast(false);
         let result = self.engine.call_fn_with_options::<Dynamic>(options, &mut base_scope(), ast, name, args);
-        self.meter.finish();
+        limits::finish();
         result.map_err(|error| self.runtime_error(sources, id, ast, name, &error))
     }
 
     /// Evaluates an expression with the given variables.
     pub fn expression(&self, text: &str, scope: &mut Scope) -> Result<Dynamic, BadExpression> {
-        self.meter.start();
+        limits::start();
         self.engine.eval_expression_with_scope::<Dynamic>(scope, text).map_err(|error| BadExpression::of(&error))
     }
 
@@ -131,7 +144,7 @@ impl ScriptEngine {
         });
         let values: Vec<&str> = values.iter().chain(&VALUES).copied().collect();
         let unknown = names::unknown_names(ast, &names::Known { functions, values: &values, params });
-        let traced = self.tracer.functions();
+        let traced = &self.traced;
         let message = |found: &names::Unknown| {
             let near = || found.near.iter().map(String::as_str);
             let label = |text: String| Diagnostic::error(text).label(span_of(sources, id, found.position), "");
@@ -194,7 +207,7 @@ impl ScriptEngine {
                 diagnostic.label(span, label).help(help)
             }
             _ => {
-                let last = self.tracer.last_position();
+                let last = symbolic::last_position();
                 let span = match (inner.position(), last) {
                     (at, _) if !at.is_none() => span_of(sources, id, at),
                     (_, last) if !last.is_none() => span_of(sources, id, last),
@@ -222,9 +235,8 @@ impl ScriptEngine {
         }
         match name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
             true => {
-                let known = self.tracer.functions();
                 let own = ast.iter_functions().map(|f| f.name);
-                words::suggest_function(diagnostic, name, known.iter().copied().chain(own))
+                words::suggest_function(diagnostic, name, self.traced.iter().copied().chain(own))
             }
             false => diagnostic,
         }

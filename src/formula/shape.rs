@@ -1,6 +1,6 @@
 //! Step files that are shapes: `fn distance(z, p)` in the place of `fn step(z, c, p)`, a field wherever one may stand.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use rhai::{AST, Dynamic, Map};
 
@@ -35,13 +35,13 @@ impl Step {
         &self,
         engine: &ScriptEngine,
         sources: &Sources,
-        arena: &'g Rc<Arena>,
+        arena: &'g Arc<Arena>,
         z: Expr<'g>,
         params: &Map,
     ) -> Result<Expr<'g>, Diagnostic> {
-        engine.tracer.start(arena, sources, self.text);
+        engine.trace(arena, sources, self.text);
         let seen = if self.state == StateWidth::Three && z.ty().width == 4 { z.xyz() } else { z };
-        let args = vec![Dynamic::from(Symbol::new(arena, seen)), Dynamic::from(params.clone())];
+        let args = vec![Dynamic::from(Symbol::new(seen)), Dynamic::from(params.clone())];
         let result = engine.call(sources, self.text, &self.ast, "distance", args)?;
         let distance = self.returned(sources, arena, &result, Type::F, "distance");
         arena.set_span(Span::NONE);

@@ -5,7 +5,7 @@ mod rules;
 
 pub use read::{decode_param, unknown_param};
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use rhai::{AST, Dynamic, Map};
 
@@ -178,7 +178,7 @@ impl Step {
         diagnostics: &mut Diagnostics,
     ) -> Option<Step> {
         let result = engine.compile(sources, text).and_then(|ast| {
-            engine.tracer.start(&Rc::new(Arena::default()), sources, text);
+            engine.trace(&Arc::new(Arena::default()), sources, text);
             let description = engine.run(sources, text, &ast, &mut base_scope())?;
             Ok((ast, description))
         });
@@ -217,16 +217,16 @@ impl Step {
         &self,
         engine: &ScriptEngine,
         sources: &Sources,
-        arena: &'g Rc<Arena>,
+        arena: &'g Arc<Arena>,
         inputs: StepInputs<'g>,
         params: &Map,
     ) -> Result<Traced<'g>, Diagnostic> {
-        engine.tracer.start(arena, sources, self.text);
+        engine.trace(arena, sources, self.text);
         let full = inputs.z;
         let narrow = self.state == StateWidth::Three && full.ty().width == 4;
         let embeds = self.state == StateWidth::Embeds;
         let (z, c) = if narrow || embeds { (full.xyz(), inputs.c.xyz()) } else { (full, inputs.c) };
-        let script = |e: Expr<'g>| Dynamic::from(Symbol::new(arena, e));
+        let script = |e: Expr<'g>| Dynamic::from(Symbol::new(e));
         let params = &self.as_wide(arena, params, z.ty().width);
         let mut args = vec![script(z), script(c), Dynamic::from(params.clone())];
         let before = inputs.before.map_or(z.lift(0.0), |before| if narrow { before.z.xyz() } else { before.z });
@@ -258,13 +258,13 @@ impl Step {
     }
 
     /// The parameters with points of as many components as the state that the step acts on has.
-    fn as_wide(&self, arena: &Rc<Arena>, params: &Map, width: u8) -> Map {
+    fn as_wide(&self, arena: &Arc<Arena>, params: &Map, width: u8) -> Map {
         let mut params = params.clone();
         for param in self.params.iter().filter(|param| param.kind == ParamKind::Point && width == 3) {
             if let Some(value) = params.get_mut(param.name.as_str()) {
-                let wide = value.read_lock::<Symbol>().map(|symbol| arena.expr(symbol.expr().id));
+                let wide = value.read_lock::<Symbol>().and_then(|symbol| symbol.expr(arena));
                 if let Some(wide) = wide.filter(|wide| wide.ty() == Type::V4) {
-                    *value = Dynamic::from(Symbol::new(arena, wide.xyz()));
+                    *value = Dynamic::from(Symbol::new(wide.xyz()));
                 }
             }
         }
@@ -284,15 +284,15 @@ impl Step {
     pub(super) fn returned<'g>(
         &self,
         sources: &Sources,
-        arena: &'g Rc<Arena>,
+        arena: &'g Arc<Arena>,
         value: &Dynamic,
         expected: Type,
         function: &str,
     ) -> Result<Expr<'g>, Diagnostic> {
         let found = match (value.read_lock::<Symbol>(), value.as_float(), value.as_int()) {
-            (Some(symbol), _, _) => match symbol.expr_of(expected) {
-                Some(expr) => return Ok(arena.expr(expr.id)),
-                None => symbol.type_name(),
+            (Some(symbol), _, _) => match symbol.expr_of(arena, expected) {
+                Some(expr) => return Ok(expr),
+                None => symbol.type_name(arena),
             },
             (None, Ok(x), _) if expected == Type::F => return Ok(arena.f(x)),
             (None, _, Ok(x)) if expected == Type::F => return Ok(arena.f(x as f64)),
@@ -331,9 +331,9 @@ impl<'g> StepInputs<'g> {
 const REMEMBERING: (usize, usize) = (4, 5);
 
 /// A parameter's value as its step's script sees it: radians, rows as vectors.
-pub fn script_value(arena: &Rc<Arena>, kind: &ParamKind, value: &ParamValue) -> Dynamic {
-    let vector = |v: &[f64; 3]| Dynamic::from(Symbol::new(arena, arena.v3(*v)));
-    let point = |v: [f64; 4]| Dynamic::from(Symbol::new(arena, arena.constant(Type::V4, v)));
+pub fn script_value(arena: &Arena, kind: &ParamKind, value: &ParamValue) -> Dynamic {
+    let vector = |v: &[f64; 3]| Dynamic::from(Symbol::new(arena.v3(*v)));
+    let point = |v: [f64; 4]| Dynamic::from(Symbol::new(arena.constant(Type::V4, v)));
     match value {
         ParamValue::Number(x) if *kind == ParamKind::Angle => Dynamic::from_float(x.to_radians()),
         ParamValue::Number(x) if *kind == ParamKind::Int => Dynamic::from_int(*x as i64),
@@ -348,7 +348,7 @@ pub fn script_value(arena: &Rc<Arena>, kind: &ParamKind, value: &ParamValue) -> 
 }
 
 /// A symbolic parameter as its step's script sees it.
-pub fn script_expr(arena: &Rc<Arena>, kind: &ParamKind, value: Expr<'_>) -> Dynamic {
+pub fn script_expr(kind: &ParamKind, value: Expr<'_>) -> Dynamic {
     let value = if *kind == ParamKind::Angle { value * (std::f64::consts::PI / 180.0) } else { value };
-    to_dynamic(arena, value)
+    to_dynamic(value)
 }

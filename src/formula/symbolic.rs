@@ -5,7 +5,7 @@
 //! boolean, so `if`, loops and array indices work on everything that is known.
 
 use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::sync::Arc;
 
 use rhai::{Dynamic, Engine, EvalAltResult, NativeCallContext, Position};
 
@@ -28,81 +28,98 @@ pub const MAX_NODES: usize = 200_000;
 /// last is 0, so that no back end has to know of it.
 #[derive(Clone)]
 pub struct Symbol {
-    arena: Rc<Arena>,
+    /// Address of the arena: values of different formulas must not meet.
+    arena: usize,
     id: NodeId,
     is_pair: bool,
 }
 
 impl Symbol {
-    /// The value of an expression of `arena`.
-    pub fn new(arena: &Rc<Arena>, expr: Expr<'_>) -> Symbol {
-        Symbol { arena: arena.clone(), id: expr.id, is_pair: false }
+    /// The value of an expression.
+    pub fn new(expr: Expr<'_>) -> Symbol {
+        Symbol { arena: address(expr.arena), id: expr.id, is_pair: false }
     }
 
-    /// The expression.
-    pub fn expr(&self) -> Expr<'_> {
-        self.arena.expr(self.id)
+    /// The expression in the arena that it was made in. Fails in another arena.
+    fn part<'g>(&self, arena: &'g Arena) -> Fallible<Part<'g>> {
+        if self.arena != address(arena) {
+            return Err("this value belongs to another formula".into());
+        }
+        Ok(Part { expr: arena.expr(self.id), is_pair: self.is_pair })
+    }
+
+    /// The expression in the arena that it was made in; none in another arena.
+    pub fn expr<'g>(&self, arena: &'g Arena) -> Option<Expr<'g>> {
+        self.part(arena).ok().map(|part| part.expr)
     }
 
     /// Its type as scripts write it.
-    pub fn type_name(&self) -> String {
-        if self.is_pair { "vec2".into() } else { self.expr().ty().to_string() }
+    pub fn type_name(&self, arena: &Arena) -> String {
+        self.part(arena).map_or_else(|_| SYMBOL_NAME.to_string(), Part::type_name)
     }
 
     /// The expression where it is of this type.
-    pub fn expr_of(&self, ty: Type) -> Option<Expr<'_>> {
-        let expr = self.expr();
-        (!self.is_pair && expr.ty() == ty).then_some(expr)
+    pub fn expr_of<'g>(&self, arena: &'g Arena, ty: Type) -> Option<Expr<'g>> {
+        let part = self.part(arena).ok()?;
+        (!part.is_pair && part.expr.ty() == ty).then_some(part.expr)
     }
+}
+
+/// What tells arenas apart.
+fn address(arena: &Arena) -> usize {
+    std::ptr::from_ref(arena).addr()
 }
 
 type Fallible<T> = Result<T, Box<EvalAltResult>>;
 
 /// The state of a trace: where nodes go and which text the positions belong to.
 #[derive(Default)]
-pub struct Tracer {
-    arena: RefCell<Rc<Arena>>,
+struct Trace {
+    arena: RefCell<Arc<Arena>>,
     text: RefCell<Option<(SourceId, Vec<u32>)>>,
     last_position: Cell<Position>,
     /// Nodes that the arena may have when the trace is done.
     most: Cell<usize>,
-    functions: RefCell<Vec<&'static str>>,
 }
 
-impl Tracer {
-    /// Nodes go to `arena` from now on, with positions in the text `id`.
-    pub fn start(&self, arena: &Rc<Arena>, sources: &Sources, id: SourceId) {
-        let mut lines = vec![0];
-        lines.extend(sources.text(id).match_indices('\n').map(|(at, _)| at as u32 + 1));
-        *self.arena.borrow_mut() = arena.clone();
-        *self.text.borrow_mut() = Some((id, lines));
-        self.last_position.set(Position::NONE);
-        self.most.set(arena.len() + MAX_NODES);
-    }
+thread_local! {
+    /// What this thread traces. A script runs on one thread from its start to its end, and one at a time, so an engine needs no
+    /// trace of its own and can serve many threads.
+    static TRACE: Trace = Trace::default();
+}
 
-    /// Place of the last traced call; errors that carry no position of their own are reported there.
-    pub fn last_position(&self) -> Position {
-        self.last_position.get()
-    }
+/// Nodes that this thread makes go to `arena` from now on, with positions in the text `id`.
+pub fn start_trace(arena: &Arc<Arena>, sources: &Sources, id: SourceId) {
+    let mut lines = vec![0];
+    lines.extend(sources.text(id).match_indices('\n').map(|(at, _)| at as u32 + 1));
+    TRACE.with(|trace| {
+        *trace.arena.borrow_mut() = arena.clone();
+        *trace.text.borrow_mut() = Some((id, lines));
+        trace.last_position.set(Position::NONE);
+        trace.most.set(arena.len() + MAX_NODES);
+    });
+}
 
-    /// Names of the functions that work on symbolic values.
-    pub fn functions(&self) -> Vec<&'static str> {
-        self.functions.borrow().clone()
-    }
+/// Place of the last traced call of this thread; errors that carry no position of their own are reported there.
+pub fn last_position() -> Position {
+    TRACE.with(|trace| trace.last_position.get())
+}
 
-    fn mark(&self, context: &NativeCallContext) -> Fallible<Rc<Arena>> {
-        let position = context.call_position();
-        let arena = self.arena.borrow().clone();
-        if let (Some((id, lines)), Some(line)) = (&*self.text.borrow(), position.line()) {
+/// The arena that this thread's nodes go to; those made next carry the place of the call.
+fn mark(context: &NativeCallContext) -> Fallible<Arc<Arena>> {
+    let position = context.call_position();
+    TRACE.with(|trace| {
+        let arena = trace.arena.borrow().clone();
+        if let (Some((id, lines)), Some(line)) = (&*trace.text.borrow(), position.line()) {
             let start = lines.get(line - 1).copied().unwrap_or(0) + position.position().unwrap_or(1) as u32 - 1;
             arena.set_span(Span { source: *id, start, end: start + 1 });
-            self.last_position.set(position);
+            trace.last_position.set(position);
         }
-        if arena.len() > self.most.get() {
+        if arena.len() > trace.most.get() {
             return Err(format!("the step has more than {MAX_NODES} operations; unroll fewer loops").into());
         }
         Ok(arena)
-    }
+    })
 }
 
 /// An argument of a function.
@@ -132,11 +149,11 @@ impl<'g> Part<'g> {
     }
 
     /// The script's view of it: plain where it is a known scalar.
-    fn to_dynamic(self, arena: &Rc<Arena>) -> Dynamic {
+    fn to_dynamic(self) -> Dynamic {
         if self.is_pair {
-            return Dynamic::from(Symbol { arena: arena.clone(), id: self.expr.id, is_pair: true });
+            return Dynamic::from(Symbol { is_pair: true, ..Symbol::new(self.expr) });
         }
-        to_dynamic(arena, self.expr)
+        to_dynamic(self.expr)
     }
 
     /// A number or a vector from its components, one to four.
@@ -154,12 +171,9 @@ impl<'g> Part<'g> {
 }
 
 /// The expression of a number, boolean, vector or symbol.
-fn to_part<'g>(arena: &'g Rc<Arena>, value: &Dynamic) -> Fallible<Part<'g>> {
+fn to_part<'g>(arena: &'g Arena, value: &Dynamic) -> Fallible<Part<'g>> {
     if let Some(symbol) = value.read_lock::<Symbol>() {
-        if !Rc::ptr_eq(&symbol.arena, arena) {
-            return Err("this value belongs to another formula".into());
-        }
-        return Ok(Part { expr: arena.expr(symbol.id), is_pair: symbol.is_pair });
+        return symbol.part(arena);
     }
     let plain = |expr| Ok(Part { expr, is_pair: false });
     if let Ok(x) = value.as_float() {
@@ -175,20 +189,20 @@ fn to_part<'g>(arena: &'g Rc<Arena>, value: &Dynamic) -> Fallible<Part<'g>> {
 }
 
 /// The script's view of an expression: plain where it is a known scalar.
-pub fn to_dynamic(arena: &Rc<Arena>, expr: Expr<'_>) -> Dynamic {
+pub fn to_dynamic(expr: Expr<'_>) -> Dynamic {
     match (expr.as_constant(), expr.ty()) {
         (Some(c), Type::F) => Dynamic::from_float(c[0]),
         (Some(c), Type::B) => Dynamic::from_bool(c[0] != 0.0),
-        _ => Dynamic::from(Symbol::new(arena, expr)),
+        _ => Dynamic::from(Symbol::new(expr)),
     }
 }
 
-/// Teaches an engine the symbolic type, its operators and functions.
-pub fn register(engine: &mut Engine, tracer: &Rc<Tracer>) {
+/// Teaches an engine the symbolic type, its operators and functions; the names of the functions come back.
+pub fn register(engine: &mut Engine) -> Vec<&'static str> {
     engine.register_type_with_name::<Symbol>(SYMBOL_NAME);
-    operators::register(engine, tracer);
-    functions::register(engine, tracer);
-    components::register(engine, tracer);
+    operators::register(engine);
+    components::register(engine);
+    functions::register(engine)
 }
 
 #[cfg(test)]
@@ -199,7 +213,7 @@ mod tests {
 
     #[test]
     fn every_function_is_documented() {
-        let mut known = ScriptEngine::new().tracer.functions();
+        let mut known = ScriptEngine::new().traced().to_vec();
         known.sort_unstable();
         known.dedup();
         let own: Vec<&str> = FUNCTIONS.iter().map(|(call, _)| call.split('(').next().unwrap_or_default()).collect();

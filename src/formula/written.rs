@@ -3,7 +3,7 @@
 //! A script may choose its form by a parameter's value (a loop, `if p.power == 8.0`). Such parameters keep their values, all
 //! others stand in the formula by name. Angles stand in radians. What a step remembers is z_{n-1}.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use rhai::Map;
 
@@ -28,13 +28,13 @@ pub struct Written {
 pub fn written(
     library: &Library,
     step: &Step,
-    arena: &Rc<Arena>,
+    arena: &Arc<Arena>,
     given: &[(String, ParamValue)],
 ) -> Result<Written, Diagnostic> {
     let can_be =
         |kind: &ParamKind| matches!(kind, ParamKind::Float | ParamKind::Angle | ParamKind::Vec3 | ParamKind::Point);
     let mut symbolic: Vec<bool> = step.params.iter().map(|param| can_be(&param.kind)).collect();
-    let trial = |symbolic: &[bool]| traced(library, step, &Rc::new(Arena::default()), given, symbolic).map(|_| ());
+    let trial = |symbolic: &[bool]| traced(library, step, &Arc::new(Arena::default()), given, symbolic).map(|_| ());
     if trial(&symbolic).is_err() {
         let wanted = symbolic.clone();
         symbolic.fill(false);
@@ -66,7 +66,7 @@ pub fn written(
 fn traced<'g>(
     library: &Library,
     step: &Step,
-    arena: &'g Rc<Arena>,
+    arena: &'g Arc<Arena>,
     given: &[(String, ParamValue)],
     symbolic: &[bool],
 ) -> Result<(Vec<Port>, Traced<'g>), Diagnostic> {
@@ -86,7 +86,7 @@ fn traced<'g>(
             };
             let input = arena.input(ports.len() as u16, ty);
             ports.push(Port::new(param.name.clone(), ty));
-            script_expr(arena, &ParamKind::Float, input)
+            script_expr(&ParamKind::Float, input)
         } else {
             script_value(arena, &param.kind, value)
         };

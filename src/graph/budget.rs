@@ -3,7 +3,7 @@
 //! Every command reads graphs through here, so all of them take and refuse the same formulas.
 
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use rhai::Map;
 
@@ -180,7 +180,7 @@ impl Count<'_> {
         };
         let mut first = None;
         for width in widths {
-            let arena = Rc::new(Arena::default());
+            let arena = Arc::new(Arena::default());
             let errors = self.trace(&arena, Type::F.with_width(*width), step, params);
             if errors.is_empty() {
                 return arena.len() as f64;
@@ -196,7 +196,7 @@ impl Count<'_> {
     }
 
     /// Traces a step's function, and its rule where it has one; gives what is wrong with them.
-    fn trace(&self, arena: &Rc<Arena>, ty: Type, step: &Step, params: &[ParamInput]) -> Vec<Diagnostic> {
+    fn trace(&self, arena: &Arc<Arena>, ty: Type, step: &Step, params: &[ParamInput]) -> Vec<Diagnostic> {
         let Library { engine, sources, .. } = self.library;
         let (z, c) = (arena.input(0, ty), arena.input(1, ty));
         let map = script_params(arena, step, params);
@@ -208,7 +208,7 @@ impl Count<'_> {
             return error.into_iter().collect();
         }
         // In an arena of its own, so that the rule's expressions are not counted.
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let (z, c, dr) = (arena.input(0, ty), arena.input(1, ty), arena.input(3, Type::F));
         let map = script_params(&arena, step, params);
         step.trace(engine, sources, &arena, StepInputs::first(z, c, Some(dr)), &map).err().into_iter().collect()
@@ -216,11 +216,11 @@ impl Count<'_> {
 }
 
 /// A step's parameters as its script sees them.
-fn script_params(arena: &Rc<Arena>, step: &Step, params: &[ParamInput]) -> Map {
+fn script_params(arena: &Arena, step: &Step, params: &[ParamInput]) -> Map {
     let value = |(param, value): (&StepParam, &ParamInput)| {
         let value = match value {
             ParamInput::Known(value) => script_value(arena, &param.kind, value),
-            ParamInput::OfIteration(_) => to_dynamic(arena, arena.input(2, Type::F)),
+            ParamInput::OfIteration(_) => to_dynamic(arena.input(2, Type::F)),
         };
         (param.name.as_str().into(), value)
     };

@@ -33,7 +33,7 @@ pub use settings::{
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind, TestPoint};
 pub use validate::ValidGraph;
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use crate::diag::Span;
 use crate::formula::step::{ParamValue, Step};
@@ -126,7 +126,7 @@ pub enum NodeKind {
     /// One step with its parameters, in the step's order.
     Step {
         /// The step.
-        step: Rc<Step>,
+        step: Arc<Step>,
         /// Its parameters, in the order of the step.
         params: Vec<ParamInput>,
     },
@@ -189,7 +189,7 @@ pub enum NodeKind {
     /// A shape of a step file, with its parameters in the file's order.
     Shape {
         /// The step file.
-        step: Rc<Step>,
+        step: Arc<Step>,
         /// Its parameters, in the order of the file.
         params: Vec<ParamInput>,
     },

@@ -14,8 +14,7 @@
 //!
 //! The script's value is a map with the fields of a fractal file, or just the node to draw.
 
-use std::cell::RefCell;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rhai::{Array, Dynamic, Engine, EvalAltResult, INT, Map, NativeCallContext, Position};
 
@@ -73,7 +72,7 @@ type Fallible<T> = Result<T, Box<EvalAltResult>>;
 /// A node as scripts hold it: cheap to copy, however large.
 #[derive(Clone)]
 struct Made {
-    value: Rc<Value>,
+    value: Arc<Value>,
     held: Holding,
 }
 
@@ -90,8 +89,8 @@ struct Run {
     text: SourceId,
     overrides: Vec<Override>,
     places: Places,
-    asked: RefCell<Vec<AskedParam>>,
-    total: RefCell<usize>,
+    asked: Mutex<Vec<AskedParam>>,
+    total: Mutex<usize>,
 }
 
 /// Runs a graph script whose text is in the library's sources. Parameters that it asks for are taken from `overrides`
@@ -104,7 +103,7 @@ pub fn run_script(library: &Library, text: SourceId, overrides: &[Override], d: 
         return None;
     }
     let mut engine = ScriptEngine::new();
-    engine.tracer.start(&Rc::new(Arena::default()), &library.sources, text);
+    engine.trace(&Arc::new(Arena::default()), &library.sources, text);
     let ast = match engine.compile(&library.sources, text) {
         Ok(ast) => ast,
         Err(diagnostic) => {
@@ -112,13 +111,13 @@ pub fn run_script(library: &Library, text: SourceId, overrides: &[Override], d: 
             return None;
         }
     };
-    let run = Rc::new(Run {
+    let run = Arc::new(Run {
         sources: library.sources.clone(),
         text,
         overrides: overrides.to_vec(),
         places: Places::of(&ast),
-        asked: RefCell::default(),
-        total: RefCell::default(),
+        asked: Mutex::default(),
+        total: Mutex::default(),
     });
     register(engine.engine_mut(), library, &run);
     let constructors: Vec<&str> = constructors(library).collect();
@@ -154,7 +153,7 @@ fn with_form(mut diagnostic: Diagnostic, library: &Library) -> Diagnostic {
     diagnostic
 }
 
-fn register(engine: &mut Engine, library: &Library, run: &Rc<Run>) {
+fn register(engine: &mut Engine, library: &Library, run: &Arc<Run>) {
     engine.register_type_with_name::<Made>("graph node");
     for name in constructors(library) {
         register_constructor(engine, name, run);
@@ -165,7 +164,7 @@ fn register(engine: &mut Engine, library: &Library, run: &Rc<Run>) {
         let value = Value::new(Span::NONE, ValueKind::Variant(Name::new(Span::NONE, *word)));
         words.set_var(
             *word,
-            Dynamic::from(Made { value: Rc::new(value), held: Holding { values: 1, ..Holding::default() } }),
+            Dynamic::from(Made { value: Arc::new(value), held: Holding { values: 1, ..Holding::default() } }),
         );
     }
     engine.register_global_module(words.into());
@@ -174,8 +173,8 @@ fn register(engine: &mut Engine, library: &Library, run: &Rc<Run>) {
 }
 
 /// Registers a constructor of up to three parts; a single map gives named fields.
-fn register_constructor(engine: &mut Engine, name: &str, run: &Rc<Run>) {
-    let make = |run: &Rc<Run>| {
+fn register_constructor(engine: &mut Engine, name: &str, run: &Arc<Run>) {
+    let make = |run: &Arc<Run>| {
         let (run, name) = (run.clone(), name.to_string());
         move |context: &NativeCallContext, args: &[Dynamic]| run.node(&name, context.call_position(), args)
     };
@@ -191,7 +190,7 @@ fn register_constructor(engine: &mut Engine, name: &str, run: &Rc<Run>) {
     });
 }
 
-fn register_params(engine: &mut Engine, run: &Rc<Run>) {
+fn register_params(engine: &mut Engine, run: &Arc<Run>) {
     let of = run.clone();
     engine.register_fn("param", move |context: NativeCallContext, name: &str, default: Dynamic| {
         of.param(context.call_position(), name, &default, &Map::new())
@@ -236,12 +235,12 @@ impl Run {
                 ValueKind::Tuple { name, items }
             }
         };
-        let mut total = self.total.borrow_mut();
+        let mut total = self.total.lock().unwrap_or_else(PoisonError::into_inner);
         *total += count.values;
         if *total > MAX_TOTAL {
             return Err("the script makes too many nodes".into());
         }
-        Ok(Made { value: Rc::new(Value::new(span, kind)), held: Holding { depth: 0, ..count } })
+        Ok(Made { value: Arc::new(Value::new(span, kind)), held: Holding { depth: 0, ..count } })
     }
 
     fn param(&self, position: Position, name: &str, default: &Dynamic, about: &Map) -> Fallible<Dynamic> {
@@ -264,7 +263,7 @@ impl Run {
             }
         }
         let span = self.span(position);
-        let mut asked = self.asked.borrow_mut();
+        let mut asked = self.asked.lock().unwrap_or_else(PoisonError::into_inner);
         if !asked.iter().any(|param| param.name == name) {
             let default = (Name::new(span, "default"), Value::new(span, ValueKind::Number(default_number)));
             let mut list = vec![default];
@@ -308,7 +307,7 @@ impl Run {
                 return Err(fail(format!("the script must return a graph, but returns a {found}")));
             }
         };
-        let asked = self.asked.take();
+        let asked = std::mem::take(&mut *self.asked.lock().unwrap_or_else(PoisonError::into_inner));
         if !asked.is_empty() {
             if !fields.iter().any(|(name, _)| name.text == "params") {
                 let none = ValueKind::Struct { name: None, fields: Vec::new() };

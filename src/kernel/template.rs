@@ -9,13 +9,13 @@
 //! or 1 is folded away, a limit of iterations changes) makes another family.
 //!
 //! ```
-//! use std::rc::Rc;
+//! use std::sync::Arc;
 //! use bulbfold::expr::{Arena, Function, Port, Type};
 //! use bulbfold::kernel::{Backend, Kernel, template::Templates, cpu::{Cpu, Precision}};
 //!
 //! let mut templates = Templates::default();
 //! for scale in [2.0, 3.0] {
-//!     let arena = Rc::new(Arena::default());
+//!     let arena = Arc::new(Arena::default());
 //!     let mut f = Function::new("f", vec![Port::new("x", Type::F)]);
 //!     f.output("y", arena.input(0, Type::F) * scale + 1.0);
 //!     templates.add(&arena, &Kernel::Map(f));
@@ -31,7 +31,7 @@
 //! ```
 
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::{Estimator, Kernel, March, Orbit};
 use crate::expr::ops::Operator;
@@ -48,7 +48,7 @@ pub struct Templates {
 /// Frames whose kernels have one structure.
 struct Gathered {
     key: Vec<u8>,
-    arena: Rc<Arena>,
+    arena: Arc<Arena>,
     kernel: Kernel,
     /// The numbers of each frame, in the order in which the kernel reads them.
     rows: Vec<Vec<f64>>,
@@ -57,7 +57,7 @@ struct Gathered {
 /// A kernel that serves several frames.
 pub struct Family {
     /// Where its nodes are.
-    pub arena: Rc<Arena>,
+    pub arena: Arc<Arena>,
     /// The kernel; what differs from frame to frame is a uniform.
     pub kernel: Kernel,
 }
@@ -81,7 +81,7 @@ pub struct Joined {
 
 impl Templates {
     /// Adds the kernel of the next frame. Only the first of a family is kept.
-    pub fn add(&mut self, arena: &Rc<Arena>, kernel: &Kernel) {
+    pub fn add(&mut self, arena: &Arc<Arena>, kernel: &Kernel) {
         let Shape { key, numbers } = Shape::new(arena, kernel);
         let known = self.gathered.iter().position(|family| family.key == key);
         let family = known.unwrap_or_else(|| {

@@ -1,6 +1,6 @@
 //! Colours by part and by traps of a file's own: known values of traps, colours in pictures, and what is refused.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::{Backends, Formula, Target};
 use bulbfold::compose::{Composer, Purpose, choose, compose_estimator};
@@ -22,7 +22,7 @@ fn formula(text: &str) -> Formula {
 fn picture(text: &str) -> Vec<[u8; 3]> {
     let formula = formula(text);
     let settings = RenderSettings { size: SIZE, samples: 1, ..RenderSettings::default() };
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: formula.library(), graph: formula.graph() };
     let pipeline = compose_pipeline(&composer, &settings).unwrap_or_else(|error| panic!("{}", error.message));
     for (name, kernel) in pipeline.kernels() {
@@ -88,7 +88,7 @@ fn a_plane_shows_colours_of_parts() {
 /// The traps of an orbit, as a surface has them: in f64, and on every other back end the same but for its rounding.
 fn traps(text: &str, point: [f64; 3]) -> [f64; 4] {
     let formula = formula(text);
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: formula.library(), graph: formula.graph() };
     let plan = choose(&composer, &EstimateSettings::default()).unwrap_or_else(|error| panic!("{}", error.message));
     let surface =

@@ -1,6 +1,6 @@
 //! Machine code against the interpreter: the same results to the last bit, for every kernel of every picture.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::{Composer, Purpose, choose, compose_estimator};
 use bulbfold::diag::Diagnostics;
@@ -18,7 +18,7 @@ fn with_pipeline(name: &str, size: Size, check: impl Fn(&Arena, &Pipeline)) {
     let mut library = Library::builtin();
     let mut diagnostics = Diagnostics::default();
     let loaded = load(&mut library, name, &[], &mut diagnostics).expect("built-in fractals load");
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &library, graph: &loaded.graph };
     let settings = RenderSettings { size, ..RenderSettings::default() };
     let pipeline = compose_pipeline(&composer, &settings).expect("built-in fractals compose");
@@ -102,7 +102,7 @@ fn scalar_estimates_are_those_of_the_interpreter() {
     for name in ["mandelbulb", "mandelbox", "box_bulb", "sierpinski_tetrahedron"] {
         let mut library = Library::builtin();
         let loaded = load(&mut library, name, &[], &mut Diagnostics::default()).expect("built-in fractals load");
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let composer = Composer { arena: &arena, library: &library, graph: &loaded.graph };
         let settings = EstimateSettings { method: Some(Method::Scalar), ..EstimateSettings::default() };
         let choices = choose(&composer, &settings).expect("built-in fractals compose").choices;

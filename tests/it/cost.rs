@@ -1,7 +1,7 @@
 //! No more than the scene needs: what is switched off leaves no operation on the tape and no line in the WGSL, and hybrids
 //! cost what their steps cost. Everything here is counted, nothing timed.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::{Composer, choose, field_orbits, iteration_parts};
 use bulbfold::diag::Diagnostics;
@@ -15,7 +15,7 @@ use bulbfold::render::{Pipeline, RenderSettings, compose_pipeline};
 
 /// A formula's picture, and what it was made of.
 struct Made {
-    arena: Rc<Arena>,
+    arena: Arc<Arena>,
     pipeline: Pipeline,
 }
 
@@ -25,7 +25,7 @@ fn make(text: &str, method: Option<Method>) -> Made {
     let mut d = Diagnostics::default();
     let loaded = load_text(&mut library, "cost.ron", text, &[], &mut d);
     let graph = loaded.unwrap_or_else(|| panic!("{}\n{text}", d.render(&library.sources, false))).graph;
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &library, graph: &graph };
     let estimate = EstimateSettings { method, ..EstimateSettings::default() };
     let settings = RenderSettings { estimate, ..RenderSettings::default() };
@@ -189,7 +189,7 @@ fn a_hybrid_costs_no_more_than_its_steps() {
         let mut d = Diagnostics::default();
         let loaded = load(&mut library, file, set, &mut d);
         let graph = loaded.unwrap_or_else(|| panic!("{}", d.render(&library.sources, false))).graph;
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let composer = Composer { arena: &arena, library: &library, graph: &graph };
         for method in methods {
             let settings = EstimateSettings { method: Some(method), ..EstimateSettings::default() };

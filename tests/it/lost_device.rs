@@ -1,6 +1,6 @@
 //! Devices that are lost in the middle of a picture: it goes on at its finished rows on a new device and is the same.
 
-use std::rc::Rc;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 
 use bulbfold::check::Formula;
@@ -84,7 +84,7 @@ impl Backend for Failing {
 /// Rows on the first device, then the rest on the second; and how many rows the first one finished.
 fn picture(formula: &Formula, samples: u32, devices: [&Failing; 2]) -> (Vec<u8>, u32) {
     let settings = RenderSettings { size: SIZE, samples, sampling: Sampling::Adaptive, ..RenderSettings::default() };
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: formula.library(), graph: formula.graph() };
     let pipeline = compose_pipeline(&composer, &settings).unwrap_or_else(|error| panic!("{}", error.message));
     let (mut rgb, mut finished) = (Vec::new(), Vec::new());
@@ -134,7 +134,7 @@ fn a_picture_goes_on_at_its_finished_rows() {
 fn rows_are_the_same_from_any_row_on() {
     let formula = Formula::builtin("box_bulb").unwrap();
     let settings = RenderSettings { size: SIZE, samples: 2, ..RenderSettings::default() };
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: formula.library(), graph: formula.graph() };
     let pipeline = compose_pipeline(&composer, &settings).unwrap_or_else(|error| panic!("{}", error.message));
     let cpu = Cpu::new(Precision::F32);

@@ -1,7 +1,6 @@
 //! No input makes the program panic or hang: thousands of damaged formula and step files end in messages or in a picture.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::rc::Rc;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -148,7 +147,7 @@ fn try_graph(library: &mut Library, text: &str, counts: &mut Counts) {
         return;
     };
     let graph = loaded.graph.with_orbit_settings(|s| s.max_iterations = s.max_iterations.min(12));
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library, graph: &graph };
     counts.drawn += 1;
     let plan = match counts.drawn % CHOOSE_EVERY {
@@ -211,7 +210,7 @@ fn try_step(library: &mut Library, name: &str, text: &str, counts: &mut Counts) 
         counts.refused += 1;
         return;
     };
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let ty = if step.state == StateWidth::Four { Type::V4 } else { Type::V3 };
     let mut params = rhai::Map::new();
     for param in &step.params {

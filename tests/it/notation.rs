@@ -1,7 +1,7 @@
 //! Formulas in mathematical notation: known texts, and well-formed LaTeX for every step and fractal.
 
 use std::process::Command;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::is_conformal;
 use bulbfold::expr::{Arena, notation};
@@ -39,7 +39,7 @@ fn assert_balanced(latex: &str, what: &str) {
 fn well_known_steps_read_as_in_textbooks() {
     let library = Library::builtin();
     let text = |name: &str| {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let step = library.step(name).expect("it is built in");
         let written = written(&library, step, &arena, &[]).unwrap_or_else(|error| panic!("{}", error.message));
         let rule = written.rule.map(|rule| notation::plain(&arena, &rule)).unwrap_or_default();
@@ -58,7 +58,7 @@ fn well_known_steps_read_as_in_textbooks() {
 fn latex_of_all_steps_and_fractals_is_balanced() {
     let library = Library::builtin();
     for step in library.steps() {
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let written =
             written(&library, step, &arena, &[]).unwrap_or_else(|error| panic!("{}: {}", step.name, error.message));
         for function in [Some(&written.value), written.rule.as_ref(), Some(&written.tangent)].into_iter().flatten() {

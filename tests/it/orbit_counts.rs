@@ -4,7 +4,7 @@
 //! transposed one puts what lies in the folded wedge to where it is in space. Over many points every image turns up.
 
 use std::collections::HashSet;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::{Backends, Random, Target};
 use bulbfold::expr::{Arena, Differentiator, Function, Port, Type};
@@ -16,7 +16,7 @@ use bulbfold::kernel::Kernel;
 fn isometries(fold: &str, group: u32, width: u8, points: usize) -> Vec<Vec<Vec<f64>>> {
     let library = Library::builtin();
     let step = library.step(fold).unwrap();
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let ty = Type::F.with_width(width);
     let mut function = Function::new("fold", vec![Port::new("z", ty)]);
     let z = function.input_exprs(&arena)[0];

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::process::Command;
-use std::rc::Rc;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bulbfold::check::Formula;
@@ -38,7 +38,7 @@ fn picture(
         Some(camera) => formula.graph().clone().with_camera(camera),
         None => formula.graph().clone(),
     };
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: formula.library(), graph: &graph };
     let pipeline = compose_pipeline(&composer, settings).unwrap_or_else(|error| panic!("{}", error.message));
     let mut renderer = Renderer::new(backend, &arena, &pipeline, settings).unwrap();

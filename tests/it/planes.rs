@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::process::{Command, Output};
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::{Backends, Formula, Target};
 use bulbfold::compose::Composer;
@@ -142,7 +142,7 @@ fn members_of_the_mandelbrot_set_are_known() {
 }
 
 fn picture(formula: &Formula, backend: &impl Backend, size: Size, samples: u32) -> (Image, Stats) {
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let settings = RenderSettings { size, samples, ..RenderSettings::default() };
     let composer = Composer { arena: &arena, library: formula.library(), graph: formula.graph() };
     let pipeline = compose_pipeline(&composer, &settings).unwrap_or_else(|error| panic!("{}", error.message));

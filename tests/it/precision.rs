@@ -1,6 +1,6 @@
 //! Where f32 ends and where f64 does: depths at zooms towards a surface point, and known answers far in.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::truth::{self, Members, point};
 use bulbfold::check::{Formula, Subject};
@@ -79,7 +79,7 @@ impl Place {
 
 /// Depths of every seventh pixel, and how fine the view is.
 fn depths(place: &Place, graph: &ValidGraph, precision: Precision) -> (Vec<Option<f64>>, Resolution, f64) {
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: place.formula.library(), graph };
     let min_difference = if precision == Precision::F32 { MIN_DIFFERENCE_F32 } else { MIN_DIFFERENCE_F64 };
     let settings = RenderSettings { size: SIZE, min_difference, ..RenderSettings::default() };
@@ -182,7 +182,7 @@ fn depths_far_in_are_those_of_brute_force() {
         let place = Place::of(name);
         for zoom in [1e5, 1e9, 1e13] {
             let graph = place.graph(zoom, Zoom::Dolly);
-            let arena = Rc::new(Arena::default());
+            let arena = Arc::new(Arena::default());
             let subject = Subject::new(place.formula.library(), &graph, &arena);
             let subject = subject.unwrap_or_else(|error| panic!("{}", error.message));
             let settings =

@@ -46,7 +46,7 @@ fn written(random: &mut Random, step: &Step) -> String {
 /// The RON text of the graph of a seed.
 pub fn random_graph(library: &Library, seed: u64) -> String {
     let mut random = Random::new(seed);
-    let is_usable = |step: &&std::rc::Rc<Step>| {
+    let is_usable = |step: &&std::sync::Arc<Step>| {
         let fits = matches!(step.state, StateWidth::Three | StateWidth::Any);
         fits && step.distance.is_none() && !LEFT_OUT.contains(&step.name.as_str())
     };

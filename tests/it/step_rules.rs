@@ -1,7 +1,7 @@
 //! What steps state for proofs, and what is derived where they state nothing, against samples: random balls and random
 //! parameters of every shipped step.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::{Backends, Formula, Random, Target};
 use bulbfold::expr::{Arena, Differentiator, Expr, Function, Port, Type};
@@ -64,7 +64,7 @@ fn parameters(step: &Step, set: usize, random: &mut Random) -> Vec<(String, Para
 /// A step's image and stated rules as one kernel. Inputs: z, x and y (points of the ball), e and t. Outputs: the images of
 /// the three, the derivative at z along x - z, then growth, stretch, bend, tube and pull_back, the chord to x with its radius and the
 /// factor at z; -1 where they are not stated.
-fn kernel(library: &Library, step: &Step, arena: &Rc<Arena>, params: &[(String, ParamValue)], width: u8) -> Kernel {
+fn kernel(library: &Library, step: &Step, arena: &Arc<Arena>, params: &[(String, ParamValue)], width: u8) -> Kernel {
     let ty = Type::F.with_width(width);
     let ports = vec![
         Port::new("z", ty),
@@ -163,7 +163,7 @@ fn check_rules(
     width: u8,
     random: &mut Random,
 ) -> Seen {
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let params = parameters(step, set, random);
     let kernel = kernel(library, step, &arena, &params, width);
     let columns = balls(usize::from(width), random);

@@ -1,6 +1,6 @@
 //! Pictures of what a march did: what pixels show where the answer is known, legends, and the command.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::Formula;
 use bulbfold::compose::Composer;
@@ -23,7 +23,7 @@ fn shown(formula: &Formula, view: View, estimate: EstimateSettings) -> Shown {
 
 fn shown_on(formula: &Formula, view: View, estimate: EstimateSettings, camera: Camera, precision: Precision) -> Shown {
     let graph = formula.graph().clone().with_camera(camera);
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: formula.library(), graph: &graph };
     let min_difference = if precision == Precision::F32 { MIN_DIFFERENCE_F32 } else { MIN_DIFFERENCE_F64 };
     let settings = RenderSettings { size: SIZE, estimate, min_difference, ..RenderSettings::default() };

@@ -1,6 +1,6 @@
 //! One step with its parameters: jumps, values that are not numbers, its scalar rule against the true stretch, its growth.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::continuity::{Continuity, search};
 use super::spread;
@@ -96,7 +96,7 @@ pub(super) fn check_node(
     let width = widths(step)[0];
     let backends = Backends::cpu_only();
     let case = StepCase { library, step, backends: &backends };
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let failed =
         |text: String| Diagnostic::error(format!("the step `{}` cannot be traced: {}", step.name, text.trim()));
     let (ports, traced) = case.trace(&arena, width, params, step.scalar_rule.is_some()).map_err(failed)?;
@@ -136,7 +136,7 @@ struct Runner {
 }
 
 impl Runner {
-    fn new(arena: &Rc<Arena>, function: Function, width: u8, images: usize) -> Runner {
+    fn new(arena: &Arc<Arena>, function: Function, width: u8, images: usize) -> Runner {
         let cpu = Cpu::new(Precision::F64);
         let kernel = cpu.prepare(arena, &Kernel::Map(function)).expect("the CPU takes every kernel");
         Runner { cpu, kernel, width, images }

@@ -2,7 +2,6 @@
 //! where the program's allocator counts them; and the clock only ends what the others let pass, such as many long sorts.
 
 use std::cell::Cell;
-use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use rhai::{Dynamic, Engine};
@@ -18,9 +17,9 @@ const LONG: Duration = Duration::from_millis(100);
 /// Operations between two looks at the clock: each can take some milliseconds.
 const LOOK: u64 = 32;
 
-/// What a run has used. Runs do not overlap: an engine has one script at a time.
+/// What a run has used.
 #[derive(Default)]
-pub(super) struct Meter {
+struct Meter {
     began: Cell<Option<Instant>>,
     held: Cell<isize>,
     /// Processor time of the thread.
@@ -54,25 +53,40 @@ fn thread_time(began: Instant) -> Duration {
     began.elapsed()
 }
 
-impl Meter {
-    /// A meter that an engine asks at every operation.
-    pub fn of(engine: &mut Engine) -> Rc<Meter> {
-        let meter = Rc::new(Meter::default());
-        let asked = meter.clone();
-        engine.on_progress(move |operations| asked.exceeded(operations).map(Dynamic::from));
-        meter
-    }
+thread_local! {
+    /// Of this thread's run: a thread runs one script at a time.
+    static METER: Meter = Meter::default();
+}
 
-    /// A script starts.
-    pub fn start(&self) {
+/// Makes an engine ask the meter of its thread at every operation.
+pub(super) fn limit(engine: &mut Engine) {
+    engine.on_progress(|operations| METER.with(|meter| meter.exceeded(operations)).map(Dynamic::from));
+}
+
+/// Traces of another formula follow on this thread: what long ones took so far no longer counts.
+pub(super) fn begin() {
+    METER.with(|meter| meter.long.set(Duration::ZERO));
+}
+
+/// A script starts on this thread.
+pub(super) fn start() {
+    METER.with(Meter::start);
+}
+
+/// A trace ends on this thread.
+pub(super) fn finish() {
+    METER.with(Meter::finish);
+}
+
+impl Meter {
+    fn start(&self) {
         let now = Instant::now();
         self.began.set(Some(now));
         self.used.set(thread_time(now));
         self.held.set(crate::memory::held());
     }
 
-    /// A trace ends.
-    pub fn finish(&self) {
+    fn finish(&self) {
         let took = self.began.get().map_or(Duration::ZERO, |began| thread_time(began).saturating_sub(self.used.get()));
         if took > LONG {
             self.long.set(self.long.get() + took);

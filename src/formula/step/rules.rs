@@ -1,6 +1,6 @@
 //! What a step's file states for proofs: functions that return bounds.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use rhai::{Array, Dynamic, Map};
 
@@ -18,7 +18,7 @@ impl Step {
         &self,
         engine: &ScriptEngine,
         sources: &Sources,
-        arena: &'g Rc<Arena>,
+        arena: &'g Arc<Arena>,
         function: &str,
         arguments: &[Expr<'g>],
         params: &Map,
@@ -35,7 +35,7 @@ impl Step {
         &self,
         engine: &ScriptEngine,
         sources: &Sources,
-        arena: &'g Rc<Arena>,
+        arena: &'g Arc<Arena>,
         arguments: &[Expr<'g>; 4],
         params: &Map,
     ) -> Result<Option<[Expr<'g>; 2]>, Diagnostic> {
@@ -59,7 +59,7 @@ impl Step {
         &self,
         engine: &ScriptEngine,
         sources: &Sources,
-        arena: &'g Rc<Arena>,
+        arena: &'g Arc<Arena>,
         function: &str,
         arguments: &[Expr<'g>],
         params: &Map,
@@ -67,9 +67,9 @@ impl Step {
         if !self.has_function(function, arguments.len() + 1) {
             return Ok(None);
         }
-        engine.tracer.start(arena, sources, self.text);
+        engine.trace(arena, sources, self.text);
         let narrow = |e: &Expr<'g>| if self.state == StateWidth::Three && e.ty().width == 4 { e.xyz() } else { *e };
-        let mut args: Vec<Dynamic> = arguments.iter().map(|e| Dynamic::from(Symbol::new(arena, narrow(e)))).collect();
+        let mut args: Vec<Dynamic> = arguments.iter().map(|e| Dynamic::from(Symbol::new(narrow(e)))).collect();
         args.push(Dynamic::from(params.clone()));
         engine.call(sources, self.text, &self.ast, function, args).map(Some)
     }

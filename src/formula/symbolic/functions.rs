@@ -1,11 +1,9 @@
 //! Functions of scripts beside the operators of the table.
 
-use std::rc::Rc;
-
 use rhai::{Dynamic, Engine, FLOAT, INT, NativeCallContext};
 
 use super::operators::{apply, of_numbers};
-use super::{Fallible, Part, Tracer, to_part};
+use super::{Fallible, Part, mark, to_part};
 use crate::expr::ops::Operator;
 use crate::expr::{Arena, Expr, Type};
 
@@ -49,7 +47,7 @@ pub const FUNCTIONS: &[(&str, &str)] = &[
 ];
 
 /// A vector argument.
-fn to_vector<'g>(arena: &'g Rc<Arena>, value: &Dynamic, function: &str) -> Fallible<Part<'g>> {
+fn to_vector<'g>(arena: &'g Arena, value: &Dynamic, function: &str) -> Fallible<Part<'g>> {
     let part = to_part(arena, value)?;
     match part.is_vector() {
         true => Ok(part),
@@ -58,7 +56,7 @@ fn to_vector<'g>(arena: &'g Rc<Arena>, value: &Dynamic, function: &str) -> Falli
 }
 
 /// Two vectors of one width.
-fn to_vectors<'g>(arena: &'g Rc<Arena>, a: &Dynamic, b: &Dynamic, function: &str) -> Fallible<[Part<'g>; 2]> {
+fn to_vectors<'g>(arena: &'g Arena, a: &Dynamic, b: &Dynamic, function: &str) -> Fallible<[Part<'g>; 2]> {
     let (a, b) = (to_vector(arena, a, function)?, to_vector(arena, b, function)?);
     match a.width() == b.width() {
         true => Ok([a, b]),
@@ -67,7 +65,7 @@ fn to_vectors<'g>(arena: &'g Rc<Arena>, a: &Dynamic, b: &Dynamic, function: &str
 }
 
 /// A vector of so many components from numbers and vectors one after the other, or from one number.
-fn compose(arena: &Rc<Arena>, width: usize, args: &[Dynamic]) -> Fallible<Dynamic> {
+fn compose(arena: &Arena, width: usize, args: &[Dynamic]) -> Fallible<Dynamic> {
     let mut numbers: Vec<Expr<'_>> = Vec::new();
     for arg in args {
         let part = to_part(arena, arg)?;
@@ -86,38 +84,40 @@ fn compose(arena: &Rc<Arena>, width: usize, args: &[Dynamic]) -> Fallible<Dynami
     if numbers.len() != width {
         return Err(format!("`vec{width}` needs {width} numbers, found {}", numbers.len()).into());
     }
-    Ok(Part::of(&numbers).to_dynamic(arena))
+    Ok(Part::of(&numbers).to_dynamic())
 }
 
 /// Registers a function for any arguments; what is computed with arguments that are all known is folded.
 macro_rules! function {
-    ($engine:ident, $tracer:ident, $name:literal, |$arena:ident, $($arg:ident),+| $body:expr) => {{
-        $tracer.functions.borrow_mut().push($name);
-        let tracer = $tracer.clone();
+    ($engine:ident, $names:ident, $name:literal, |$arena:ident, $($arg:ident),+| $body:expr) => {{
+        $names.push($name);
         $engine.register_fn($name, move |context: NativeCallContext, $($arg: Dynamic),+| -> Fallible<Dynamic> {
-            let $arena = &tracer.mark(&context)?;
+            let $arena = &*mark(&context)?;
             $body
         });
     }};
 }
 
-pub(super) fn register(engine: &mut Engine, tracer: &Rc<Tracer>) {
-    register_operators(engine, tracer);
-    register_numbers(engine, tracer);
-    register_vectors(engine, tracer);
+/// Registers all functions and gives their names.
+pub(super) fn register(engine: &mut Engine) -> Vec<&'static str> {
+    let mut names = Vec::new();
+    register_operators(engine, &mut names);
+    register_numbers(engine, &mut names);
+    register_vectors(engine, &mut names);
     // The script language has other ideas of these: a logarithm to the base 10, halves away from 0.
     engine.register_fn("log", |a: FLOAT| a.ln());
     engine.register_fn("log", |a: INT| (a as FLOAT).ln());
     engine.register_fn("round", FLOAT::round_ties_even);
     engine.register_fn("atan", FLOAT::atan2);
+    names
 }
 
 /// The operators that are called by their names.
-fn register_operators(engine: &mut Engine, tracer: &Rc<Tracer>) {
+fn register_operators(engine: &mut Engine, names: &mut Vec<&'static str>) {
     use Operator as O;
     macro_rules! table {
         ($($name:literal $operator:ident ($($arg:ident),+);)*) => {
-            $( function!(engine, tracer, $name, |arena, $($arg),+| apply(arena, O::$operator, &[$($arg),+])); )*
+            $( function!(engine, names, $name, |arena, $($arg),+| apply(arena, O::$operator, &[$($arg),+])); )*
         };
     }
     table! {
@@ -130,10 +130,10 @@ fn register_operators(engine: &mut Engine, tracer: &Rc<Tracer>) {
 }
 
 /// Functions of numbers, or of vectors component by component.
-fn register_numbers(engine: &mut Engine, tracer: &Rc<Tracer>) {
+fn register_numbers(engine: &mut Engine, names: &mut Vec<&'static str>) {
     macro_rules! table {
         ($($name:literal ($($arg:ident),+) $body:expr;)*) => {
-            $( function!(engine, tracer, $name, |arena, $($arg),+| {
+            $( function!(engine, names, $name, |arena, $($arg),+| {
                 of_numbers(arena, $name, &[$($arg),+], |args| { let [$($arg),+] = *args else { unreachable!("as many as given") }; $body })
             }); )*
         };
@@ -160,15 +160,15 @@ fn register_numbers(engine: &mut Engine, tracer: &Rc<Tracer>) {
         "radians"(a) a * (std::f64::consts::PI / 180.0);
         "degrees"(a) a * (180.0 / std::f64::consts::PI);
     }
-    function!(engine, tracer, "is_constant", |arena, a| {
+    function!(engine, names, "is_constant", |arena, a| {
         Ok(Dynamic::from_bool(to_part(arena, &a).is_ok_and(|part| part.expr.as_constant().is_some())))
     });
 }
 
-fn register_vectors(engine: &mut Engine, tracer: &Rc<Tracer>) {
+fn register_vectors(engine: &mut Engine, names: &mut Vec<&'static str>) {
     macro_rules! composed {
         ($($name:literal $width:literal ($($arg:ident),+);)*) => {
-            $( function!(engine, tracer, $name, |arena, $($arg),+| compose(arena, $width, &[$($arg),+])); )*
+            $( function!(engine, names, $name, |arena, $($arg),+| compose(arena, $width, &[$($arg),+])); )*
         };
     }
     composed! {
@@ -176,37 +176,36 @@ fn register_vectors(engine: &mut Engine, tracer: &Rc<Tracer>) {
         "vec3" 3 (a); "vec3" 3 (a, b); "vec3" 3 (a, b, c);
         "vec4" 4 (a); "vec4" 4 (a, b); "vec4" 4 (a, b, c); "vec4" 4 (a, b, c, d);
     }
-    let number = |arena: &Rc<Arena>, expr: Expr<'_>| Ok(super::to_dynamic(arena, expr));
-    function!(engine, tracer, "length", |arena, v| number(arena, to_vector(arena, &v, "length")?.expr.length()));
-    function!(engine, tracer, "normalize", |arena, v| {
+    let number = |expr: Expr<'_>| Ok(super::to_dynamic(expr));
+    function!(engine, names, "length", |arena, v| number(to_vector(arena, &v, "length")?.expr.length()));
+    function!(engine, names, "normalize", |arena, v| {
         let part = to_vector(arena, &v, "normalize")?;
-        Ok(Part { expr: part.expr.normalize(), ..part }.to_dynamic(arena))
+        Ok(Part { expr: part.expr.normalize(), ..part }.to_dynamic())
     });
-    function!(engine, tracer, "dot", |arena, a, b| {
+    function!(engine, names, "dot", |arena, a, b| {
         let [a, b] = to_vectors(arena, &a, &b, "dot")?;
-        number(arena, a.expr.dot(b.expr))
+        number(a.expr.dot(b.expr))
     });
-    function!(engine, tracer, "reflect", |arena, v, n| {
+    function!(engine, names, "reflect", |arena, v, n| {
         let [v, n] = to_vectors(arena, &v, &n, "reflect")?;
-        Ok(Part { expr: v.expr - n.expr * (v.expr.dot(n.expr) * 2.0), ..v }.to_dynamic(arena))
+        Ok(Part { expr: v.expr - n.expr * (v.expr.dot(n.expr) * 2.0), ..v }.to_dynamic())
     });
-    function!(engine, tracer, "cross", |arena, a, b| {
+    function!(engine, names, "cross", |arena, a, b| {
         let [a, b] = to_vectors(arena, &a, &b, "cross")?;
         match a.width() {
-            3 => number(arena, a.expr.cross(b.expr)),
+            3 => number(a.expr.cross(b.expr)),
             _ => Err("`cross` needs two vectors of three components".into()),
         }
     });
-    register_matrix(engine, tracer);
+    register_matrix(engine, names);
 }
 
-fn register_matrix(engine: &mut Engine, tracer: &Rc<Tracer>) {
-    tracer.functions.borrow_mut().push("mat_mul");
-    let tracer = tracer.clone();
+fn register_matrix(engine: &mut Engine, names: &mut Vec<&'static str>) {
+    names.push("mat_mul");
     engine.register_fn(
         "mat_mul",
         move |context: NativeCallContext, rows: rhai::Array, v: Dynamic| -> Fallible<Dynamic> {
-            let arena = &tracer.mark(&context)?;
+            let arena = &*mark(&context)?;
             let v = to_vector(arena, &v, "mat_mul")?;
             let rows = rows.iter().map(|r| to_vector(arena, r, "mat_mul")).collect::<Fallible<Vec<_>>>()?;
             if rows.len() != v.width() as usize || rows.iter().any(|r| r.width() != v.width()) {
@@ -215,7 +214,7 @@ fn register_matrix(engine: &mut Engine, tracer: &Rc<Tracer>) {
             }
             let products: Vec<_> = rows.iter().map(|r| r.expr.dot(v.expr)).collect();
             debug_assert!(products.iter().all(|product| product.ty() == Type::F));
-            Ok(Part::of(&products).to_dynamic(arena))
+            Ok(Part::of(&products).to_dynamic())
         },
     );
 }

@@ -1,16 +1,15 @@
 //! Operators of scripts, and how functions apply component by component.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use rhai::{Dynamic, Engine, FLOAT, INT, ImmutableString, NativeCallContext};
 
-use super::{Fallible, Part, Symbol, Tracer, to_part};
+use super::{Fallible, Part, Symbol, mark, to_part};
 use crate::expr::ops::Operator;
 use crate::expr::{Arena, Expr};
 
 /// Applies a function component by component after its arguments' widths were compared: numbers combine with vectors.
 pub(super) fn componentwise<'g>(
-    arena: &'g Rc<Arena>,
     name: &str,
     parts: &[Part<'g>],
     f: impl Fn(&[Expr<'g>]) -> Expr<'g>,
@@ -22,19 +21,19 @@ pub(super) fn componentwise<'g>(
     }
     if width != 2 {
         let exprs: Vec<Expr<'g>> = parts.iter().map(|part| part.expr).collect();
-        return Ok(Part { expr: f(&exprs), is_pair: false }.to_dynamic(arena));
+        return Ok(Part { expr: f(&exprs), is_pair: false }.to_dynamic());
     }
     let component = |i: u8| {
         let exprs: Vec<Expr<'g>> =
             parts.iter().map(|part| if part.is_pair { part.expr.component(i) } else { part.expr }).collect();
         f(&exprs)
     };
-    Ok(Part::of(&[component(0), component(1)]).to_dynamic(arena))
+    Ok(Part::of(&[component(0), component(1)]).to_dynamic())
 }
 
 /// A function of numbers and vectors, component by component.
 pub(super) fn of_numbers<'g>(
-    arena: &'g Rc<Arena>,
+    arena: &'g Arena,
     name: &str,
     args: &[Dynamic],
     f: impl Fn(&[Expr<'g>]) -> Expr<'g>,
@@ -43,11 +42,11 @@ pub(super) fn of_numbers<'g>(
     if let Some(odd) = parts.iter().find(|part| part.expr.ty().is_bool) {
         return Err(format!("`{name}` needs a number or vector here, found a {}", odd.type_name()).into());
     }
-    componentwise(arena, name, &parts, f)
+    componentwise(name, &parts, f)
 }
 
 /// Applies an operator after checking what a script may have got wrong.
-pub(super) fn apply(arena: &Rc<Arena>, operator: Operator, args: &[Dynamic]) -> Fallible<Dynamic> {
+pub(super) fn apply(arena: &Arena, operator: Operator, args: &[Dynamic]) -> Fallible<Dynamic> {
     let info = operator.info();
     let parts = args.iter().map(|a| to_part(arena, a)).collect::<Fallible<Vec<_>>>()?;
     for (i, part) in parts.iter().enumerate() {
@@ -60,10 +59,10 @@ pub(super) fn apply(arena: &Rc<Arena>, operator: Operator, args: &[Dynamic]) -> 
     if operator == Operator::Select && parts[1].expr.ty().is_bool != parts[2].expr.ty().is_bool {
         return Err("`select` needs two values of one kind".into());
     }
-    componentwise(arena, info.name, &parts, |exprs| Expr::apply(operator, exprs))
+    componentwise(info.name, &parts, |exprs| Expr::apply(operator, exprs))
 }
 
-pub(super) fn register(engine: &mut Engine, tracer: &Rc<Tracer>) {
+pub(super) fn register(engine: &mut Engine) {
     for (symbol, operator) in [
         ("+", Operator::Add),
         ("-", Operator::Sub),
@@ -76,15 +75,15 @@ pub(super) fn register(engine: &mut Engine, tracer: &Rc<Tracer>) {
         ("&", Operator::And),
         ("|", Operator::Or),
     ] {
-        register_binary(engine, tracer, symbol, move |arena, a, b| apply(arena, operator, &[a, b]));
+        register_binary(engine, symbol, move |arena, a, b| apply(arena, operator, &[a, b]));
     }
-    register_binary(engine, tracer, ">", |arena, a, b| apply(arena, Operator::Lt, &[b, a]));
-    register_binary(engine, tracer, ">=", |arena, a, b| apply(arena, Operator::Le, &[b, a]));
-    register_binary(engine, tracer, "!=", |arena, a, b| {
+    register_binary(engine, ">", |arena, a, b| apply(arena, Operator::Lt, &[b, a]));
+    register_binary(engine, ">=", |arena, a, b| apply(arena, Operator::Le, &[b, a]));
+    register_binary(engine, "!=", |arena, a, b| {
         let equal = apply(arena, Operator::Eq, &[a, b])?;
         apply(arena, Operator::Not, &[equal])
     });
-    register_binary(engine, tracer, "**", |arena, a, b| apply(arena, Operator::Pow, &[a, b]));
+    register_binary(engine, "**", |arena, a, b| apply(arena, Operator::Pow, &[a, b]));
     engine.register_fn("/", |a: INT, b: INT| a as FLOAT / b as FLOAT);
     for operator in ["==", "!=", "<", ">", "<=", ">="] {
         let message = "a value of the orbit cannot be compared with a text";
@@ -92,28 +91,26 @@ pub(super) fn register(engine: &mut Engine, tracer: &Rc<Tracer>) {
         engine.register_fn(operator, move |_: ImmutableString, _: Symbol| -> Fallible<bool> { Err(message.into()) });
     }
     for (symbol, operator) in [("-", Operator::Neg), ("!", Operator::Not)] {
-        let tracer = tracer.clone();
         engine.register_fn(symbol, move |context: NativeCallContext, a: Symbol| -> Fallible<Dynamic> {
-            apply(&tracer.mark(&context)?, operator, &[Dynamic::from(a)])
+            apply(&*mark(&context)?, operator, &[Dynamic::from(a)])
         });
     }
 }
 
-type Binary = dyn Fn(&Rc<Arena>, Dynamic, Dynamic) -> Fallible<Dynamic>;
+type Binary = dyn Fn(&Arena, Dynamic, Dynamic) -> Fallible<Dynamic> + Send + Sync;
 
 /// Registers an operator for a symbol on either side and symbols or plain values on the other.
 fn register_binary(
     engine: &mut Engine,
-    tracer: &Rc<Tracer>,
     symbol: &str,
-    f: impl Fn(&Rc<Arena>, Dynamic, Dynamic) -> Fallible<Dynamic> + 'static,
+    f: impl Fn(&Arena, Dynamic, Dynamic) -> Fallible<Dynamic> + Send + Sync + 'static,
 ) {
-    let f: Rc<Binary> = Rc::new(f);
+    let f: Arc<Binary> = Arc::new(f);
     macro_rules! pair {
         ($a:ty, $b:ty) => {{
-            let (f, tracer) = (f.clone(), tracer.clone());
+            let f = f.clone();
             engine.register_fn(symbol, move |context: NativeCallContext, a: $a, b: $b| -> Fallible<Dynamic> {
-                f(&tracer.mark(&context)?, Dynamic::from(a), Dynamic::from(b))
+                f(&*mark(&context)?, Dynamic::from(a), Dynamic::from(b))
             });
         }};
     }

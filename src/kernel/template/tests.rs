@@ -1,6 +1,6 @@
 //! Joined kernels against each frame's own.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::Templates;
 use crate::expr::{Arena, Function, Port, Type};
@@ -8,8 +8,8 @@ use crate::kernel::cpu::{Cpu, Precision};
 use crate::kernel::{Backend, Kernel};
 
 /// `(x a + b).y`, with a vector of three numbers.
-fn map(a: f64, v: [f64; 3]) -> (Rc<Arena>, Kernel) {
-    let arena = Rc::new(Arena::default());
+fn map(a: f64, v: [f64; 3]) -> (Arc<Arena>, Kernel) {
+    let arena = Arc::new(Arena::default());
     let mut f = Function::new("f", vec![Port::new("x", Type::F)]);
     let x = arena.input(0, Type::F);
     f.output("y", x * a + 0.25);

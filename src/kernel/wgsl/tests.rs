@@ -3,7 +3,7 @@
 mod dealing;
 
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::{validate, write};
 use crate::compose::Composer;
@@ -25,10 +25,10 @@ pub(crate) fn load(library: &mut Library, name: &str) -> ValidGraph {
     loaded.unwrap_or_else(|| panic!("{}", d.render(&library.sources, false))).graph
 }
 
-pub(crate) fn pipeline(name: &str, settings: &RenderSettings) -> (Rc<Arena>, Pipeline) {
+pub(crate) fn pipeline(name: &str, settings: &RenderSettings) -> (Arc<Arena>, Pipeline) {
     let mut library = Library::builtin();
     let graph = load(&mut library, name);
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &library, graph: &graph };
     let pipeline = compose_pipeline(&composer, settings).unwrap_or_else(|_| panic!("{name} composes"));
     (arena, pipeline)
@@ -145,7 +145,7 @@ fn texts(name: &str, set: &[(&str, &str)], method: Method) -> HashMap<&'static s
     let set: Vec<(String, String)> = set.iter().map(|(path, value)| (path.to_string(), value.to_string())).collect();
     let loaded = crate::load::load(&mut library, name, &set, &mut d);
     let graph = loaded.unwrap_or_else(|| panic!("{}", d.render(&library.sources, false))).graph;
-    let arena = Rc::new(Arena::default());
+    let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &library, graph: &graph };
     let estimate = EstimateSettings { method: Some(method), ..Default::default() };
     let settings = RenderSettings { estimate, ..Default::default() };

@@ -1,6 +1,6 @@
 //! Whole pictures: cameras in awkward places, and numbers that are none.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::Formula;
 use bulbfold::compose::Composer;
@@ -46,7 +46,7 @@ fn pictures(formula: &Formula) -> Vec<Picture> {
                 min_difference,
                 ..RenderSettings::default()
             };
-            let arena = Rc::new(Arena::default());
+            let arena = Arc::new(Arena::default());
             let composer = Composer { arena: &arena, ..subject.composer() };
             let pipeline = compose_pipeline(&composer, &settings).unwrap_or_else(|e| panic!("{}", e.message));
             let cpu = Cpu::new(precision);
