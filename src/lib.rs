@@ -35,6 +35,7 @@ pub mod chart;
 pub mod check;
 pub mod compose;
 pub mod diag;
+pub mod engine;
 pub mod exchange;
 pub mod expr;
 pub mod files;

@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
+
 use crate::diag::{Diagnostic, Diagnostics, SourceId};
 use crate::formula::embedded;
 use crate::formula::library::Library;
 use crate::formula::ron::{Limits, read_ron};
 use crate::graph::script::run_script;
-use crate::graph::{IterationLimit, Override, PRESET, ValidGraph, expand_presets, read};
+use crate::graph::{IterationLimit, Node, NodeKind, Override, PRESET, ValidGraph, expand_presets, read};
 
 /// A formula ready to be composed.
 pub struct Loaded {
@@ -15,6 +17,58 @@ pub struct Loaded {
     pub graph: ValidGraph,
     /// Its text.
     pub text: SourceId,
+    /// What was changed in it.
+    pub set: Vec<(String, String)>,
+    /// Whether it is one of the built-in fractals.
+    pub is_builtin: bool,
+}
+
+/// Everything that a formula is made of, as texts: what another machine needs to make the same one.
+#[derive(Clone, PartialEq, Eq, Debug, Serialize, Deserialize)]
+pub struct Bundle {
+    /// The file's name; its stem names the fractal.
+    pub name: String,
+    /// The file's text.
+    pub text: String,
+    /// What is changed in it: pairs of a path and a value.
+    pub set: Vec<(String, String)>,
+    /// Names and texts of the steps that it uses beside the built-in ones.
+    pub steps: Vec<(String, String)>,
+    /// Whether it is one of the built-in fractals, whose limits of iterations are stated for their own views alone.
+    pub is_builtin: bool,
+}
+
+impl Bundle {
+    /// The texts of a formula that was loaded with this library.
+    pub fn of(library: &Library, loaded: &Loaded) -> Bundle {
+        let own = |node: &Node| match &node.kind {
+            NodeKind::Step { step, .. } | NodeKind::Shape { step, .. } => {
+                let text = library.sources.text(step.text);
+                let is_builtin = embedded::STEPS.iter().any(|(name, known)| *name == step.name && *known == text);
+                (!is_builtin).then(|| (step.name.clone(), text.to_string()))
+            }
+            _ => None,
+        };
+        let mut steps: Vec<(String, String)> = loaded.graph.nodes.iter().filter_map(own).collect();
+        steps.sort();
+        steps.dedup();
+        Bundle {
+            name: library.sources.name(loaded.text).to_string(),
+            text: library.sources.text(loaded.text).to_string(),
+            set: loaded.set.clone(),
+            steps,
+            is_builtin: loaded.is_builtin,
+        }
+    }
+
+    /// Loads the formula from its texts alone, with a library of the built-in steps. Returns nothing when `d` has errors.
+    pub fn load(&self, library: &mut Library, d: &mut Diagnostics) -> Option<Loaded> {
+        for (name, text) in &self.steps {
+            library.add_step_text(Path::new(&format!("{name}.rhai")), text.clone(), d);
+        }
+        let loaded = load_text(library, &self.name, &self.text, &self.set, d)?;
+        Some(if self.is_builtin { as_builtin(loaded) } else { loaded })
+    }
 }
 
 /// Loads `what`: a path, or the name of a built-in fractal where there is no such file. `set` holds pairs of a path such
@@ -55,17 +109,20 @@ pub fn load(
         return None;
     };
     let loaded = load_text(library, &name, &text, set, d)?;
-    let is_limited = set.iter().any(|(path, _)| path.rsplit('.').next() == Some("max_iterations"));
-    if path.exists() || is_limited {
-        return Some(loaded);
+    Some(if path.exists() { loaded } else { as_builtin(loaded) })
+}
+
+/// A formula as one of the built-in ones: the iterations that it states are enough for its own view, and others may take more.
+fn as_builtin(loaded: Loaded) -> Loaded {
+    if loaded.set.iter().any(|(path, _)| path.rsplit('.').next() == Some("max_iterations")) {
+        return Loaded { is_builtin: true, ..loaded };
     }
-    // What a built-in fractal states is enough for its own view.
     let graph = loaded.graph.with_orbit_settings(|settings| {
         if settings.limit == IterationLimit::Stated {
             settings.limit = IterationLimit::OfOwnView;
         }
     });
-    Some(Loaded { graph, ..loaded })
+    Loaded { graph, is_builtin: true, ..loaded }
 }
 
 /// Loads a formula from its text; `name` is its file name, whose stem names the fractal.
@@ -100,7 +157,7 @@ pub fn load_text(
     if overrides.iter().any(changes_the_view) {
         graph = graph.without_calibration();
     }
-    (!d.has_errors()).then_some(Loaded { graph, text: id })
+    (!d.has_errors()).then_some(Loaded { graph, text: id, set: set.to_vec(), is_builtin: false })
 }
 
 /// Whether a change makes a calibrated estimate of the file one of another picture.

@@ -2,7 +2,9 @@
 
 use std::fmt;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
+
+use serde::{Deserialize, Serialize};
 
 use super::backends::{Backends, Target};
 use super::report::Report;
@@ -14,7 +16,7 @@ use crate::expr::Arena;
 use crate::formula::library::Library;
 use crate::graph::{Method, ValidGraph};
 use crate::kernel::wgsl;
-use crate::load::{Loaded, load, load_text};
+use crate::load::{Bundle, Loaded, load, load_text};
 use crate::render::{RenderSettings, compose_pipeline};
 
 /// Hit threshold of [`Formula::ray`], in world units.
@@ -39,13 +41,28 @@ impl fmt::Debug for FormulaError {
 
 impl std::error::Error for FormulaError {}
 
-/// A formula with everything it needs, computed on the CPU in f64.
+/// A formula with everything it needs, computed on the CPU in f64. Threads may share it.
 pub struct Formula {
     library: Library,
-    graph: ValidGraph,
+    loaded: Loaded,
     arena: Arc<Arena>,
-    text: SourceId,
-    plan: Plan,
+    /// What is chosen by rules; made when it is first asked for.
+    plan: OnceLock<Plan>,
+}
+
+impl Serialize for Formula {
+    /// All its texts: see [`Bundle`].
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Bundle::of(&self.library, &self.loaded).serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Formula {
+    /// Loads it from its texts alone.
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Formula, D::Error> {
+        let bundle = Bundle::deserialize(deserializer)?;
+        Formula::load(|library, d| bundle.load(library, d)).map_err(serde::de::Error::custom)
+    }
 }
 
 impl Formula {
@@ -81,41 +98,53 @@ impl Formula {
         let mut library = Library::builtin();
         let mut d = Diagnostics::default();
         let loaded = read(&mut library, &mut d);
-        let Some(Loaded { graph, text, .. }) = loaded.filter(|_| !d.has_errors()) else {
+        let Some(loaded) = loaded.filter(|_| !d.has_errors()) else {
             return Err(FormulaError(d.render(&library.sources, false)));
         };
-        let arena = Arc::new(Arena::default());
-        let plan = Subject::new(&library, &graph, &arena).map(|subject| subject.plan);
-        match plan {
-            Ok(plan) => Ok(Formula { library, graph, arena, text, plan }),
-            Err(error) => Err(FormulaError(rendered(error, &library))),
+        let formula = Formula::of(library, loaded);
+        match formula.planned() {
+            Ok(_) => Ok(formula),
+            Err(error) => Err(FormulaError(rendered(error, &formula.library))),
         }
+    }
+
+    /// A formula that was loaded with this library.
+    pub fn of(library: Library, loaded: Loaded) -> Formula {
+        Formula { library, loaded, arena: Arc::new(Arena::default()), plan: OnceLock::new() }
+    }
+
+    /// The choices by rules. Fails where a step's script does.
+    fn planned(&self) -> Result<&Plan, Diagnostic> {
+        if self.plan.get().is_none() {
+            let plan = Subject::new(&self.library, &self.loaded.graph, &self.arena)?.plan;
+            let _ = self.plan.set(plan);
+        }
+        Ok(self.plan())
     }
 
     /// The formula with its method, step multiplier and shortest step left open, where its file calls them calibrated: what a
     /// calibration starts from.
     #[must_use]
     pub fn without_calibration(mut self) -> Formula {
-        self.graph = self.graph.without_calibration();
-        if let Ok(subject) = Subject::new(&self.library, &self.graph, &self.arena) {
-            self.plan = subject.plan;
-        }
+        self.loaded.graph = self.loaded.graph.without_calibration();
+        self.plan = OnceLock::new();
         self
     }
 
     /// The formula as the rest of this module takes it.
     pub fn subject(&self) -> Subject<'_> {
-        Subject { library: &self.library, graph: &self.graph, arena: &self.arena, plan: self.plan.clone() }
+        let plan = self.plan().clone();
+        Subject { library: &self.library, graph: &self.loaded.graph, arena: &self.arena, plan }
     }
 
     /// The graph.
     pub fn graph(&self) -> &ValidGraph {
-        &self.graph
+        &self.loaded.graph
     }
 
     /// The file's text among the library's sources.
     pub fn text(&self) -> SourceId {
-        self.text
+        self.loaded.text
     }
 
     /// Steps, engine and sources.
@@ -124,8 +153,11 @@ impl Formula {
     }
 
     /// The methods, forms and extent that are chosen automatically, with their reasons.
+    ///
+    /// Panics if a step's script fails, which a formula that loaded does not.
     pub fn plan(&self) -> &Plan {
-        &self.plan
+        let made = || Subject::new(&self.library, &self.loaded.graph, &self.arena).map(|subject| subject.plan);
+        self.plan.get_or_init(|| self.composed(made()))
     }
 
     /// Whether the point belongs to the set.
@@ -188,7 +220,7 @@ impl Formula {
 
     /// Runs the tests that the file holds, on every back end of this machine.
     pub fn run_tests(&self) -> Report {
-        run_graph(&self.library, &self.graph, self.library.sources.name(self.text), &Options::default())
+        run_graph(&self.library, self.graph(), self.library.sources.name(self.text()), &Options::default())
     }
 
     /// Runs the tests that the file holds and panics with the report if any fails.

@@ -1,13 +1,11 @@
 //! Arguments that several commands take, and how they are read.
 
-#[cfg(feature = "chart")]
-use std::path::Path;
 use std::path::PathBuf;
 
 use bulbfold::calibrate::Budget;
+use bulbfold::engine::{BackendChoice, Request};
 use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, PRESET, Quality, StopAt};
 use bulbfold::kernel::cpu::Precision;
-use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
 use bulbfold::shade::Size;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
@@ -21,6 +19,17 @@ pub enum BackendArg {
     Cpu,
     /// Any GPU adapter, also one in software.
     Gpu,
+}
+
+impl BackendArg {
+    /// As the engine takes it.
+    pub fn choice(self) -> BackendChoice {
+        match self {
+            BackendArg::Auto => BackendChoice::Auto,
+            BackendArg::Cpu => BackendChoice::Cpu,
+            BackendArg::Gpu => BackendChoice::Gpu,
+        }
+    }
 }
 
 /// Precision of numbers.
@@ -55,27 +64,11 @@ impl PicturePrecision {
 }
 
 impl PrecisionArg {
-    /// The name in flags.
-    pub fn name(self) -> &'static str {
-        match self {
-            PrecisionArg::F32 => "f32",
-            PrecisionArg::F64 => "f64",
-        }
-    }
-
-    /// The CPU's precision.
-    pub fn cpu(self) -> Precision {
+    /// As everything else takes it.
+    pub fn precision(self) -> Precision {
         match self {
             PrecisionArg::F32 => Precision::F32,
             PrecisionArg::F64 => Precision::F64,
-        }
-    }
-
-    /// Least step of finite differences, as a part of the largest coordinate.
-    pub fn min_difference(self) -> f64 {
-        match self {
-            PrecisionArg::F32 => MIN_DIFFERENCE_F32,
-            PrecisionArg::F64 => MIN_DIFFERENCE_F64,
         }
     }
 }
@@ -185,6 +178,17 @@ pub enum QualityArg {
 }
 
 impl AutoArgs {
+    /// A request for a picture of this size whose estimate is chosen like this.
+    pub fn request(&self, size: Size) -> Request {
+        Request {
+            size,
+            estimate: self.settings(),
+            calibrate: self.calibrate.0,
+            budget: self.error_budget,
+            ..Request::default()
+        }
+    }
+
     /// What is asked for; the rest is chosen.
     pub fn settings(&self) -> EstimateSettings {
         let quality = self.quality.map(|QualityArg::Proof| Quality::Proof);
@@ -267,12 +271,6 @@ pub struct FormulaArgs {
 }
 
 impl FormulaArgs {
-    /// A formula as it stands.
-    #[cfg(feature = "chart")]
-    pub fn unchanged(file: &Path) -> FormulaArgs {
-        FormulaArgs { file: file.to_path_buf(), changes: ChangeArgs::default() }
-    }
-
     /// Takes out the changes that `takes` takes.
     pub fn take_changes(&mut self, mut takes: impl FnMut(&str, &str) -> bool) {
         self.changes.set.retain(|(path, value)| !takes(path, value));

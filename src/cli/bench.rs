@@ -10,6 +10,7 @@ use std::time::Duration;
 use bulbfold::check::measure::peak::peak_mul_adds;
 use bulbfold::check::measure::speed::{Speed, Times, Timing, march_speed};
 use bulbfold::compose::{Composer, Plan, choose};
+use bulbfold::engine::Settling;
 use bulbfold::expr::Arena;
 use bulbfold::graph::{EstimateSettings, Method, ValidGraph};
 use bulbfold::kernel::cost::MarchCost;
@@ -22,7 +23,6 @@ use bulbfold::shade::Size;
 use clap::Args;
 
 use super::arguments::{AutoArgs, BackendArg, ChangeArgs, PrecisionArg, parse_positive, parse_size};
-use super::calibration::{Wish, choose_estimate};
 use super::progress::Progress;
 use super::{Failure, Outcome, Session, message, usage};
 
@@ -250,15 +250,13 @@ impl Bench<'_> {
 
     /// What a render takes, or every method that applies.
     fn plans(&self, composer: &Composer) -> Result<Vec<Plan>, Failure> {
-        let wish = Wish {
-            estimate: &self.arguments.estimate,
-            size: self.arguments.size,
-            camera: self.graph.camera,
-            precision: self.arguments.precision.unwrap_or(PrecisionArg::F32),
-            effort: 1.0,
-            quiet: true,
-        };
-        let plan = choose_estimate(self.session, self.graph, composer.arena, &wish)?.plan;
+        let request = self.arguments.estimate.request(self.arguments.size);
+        let settling = Settling { library: composer.library, arena: composer.arena, request: &request };
+        let precision = self.arguments.precision.map_or(Precision::F32, PrecisionArg::precision);
+        let calibration = settling
+            .plan(self.graph)
+            .and_then(|plan| settling.estimate(self.graph, plan, precision, &mut self.session.watch(true)));
+        let plan = calibration.map_err(|error| self.session.failed(error))?.plan;
         if !self.arguments.methods {
             return Ok(vec![plan]);
         }
@@ -286,7 +284,7 @@ impl Bench<'_> {
         }
         let wanted = |engine: &Engine| match self.arguments.precision {
             None => true,
-            Some(precision) => precision.cpu() == engine.precision(),
+            Some(precision) => precision.precision() == engine.precision(),
         };
         engines.retain(wanted);
         engines.push(BASELINE);
@@ -294,7 +292,7 @@ impl Bench<'_> {
     }
 
     fn precision(&self, engine: Engine) -> Precision {
-        self.arguments.precision.map_or(engine.precision(), PrecisionArg::cpu)
+        self.arguments.precision.map_or(engine.precision(), PrecisionArg::precision)
     }
 
     fn pipeline(
@@ -303,7 +301,6 @@ impl Bench<'_> {
         plan: &Plan,
         precision: Precision,
     ) -> Result<(RenderSettings, Pipeline), Failure> {
-        let precision = if precision == Precision::F64 { PrecisionArg::F64 } else { PrecisionArg::F32 };
         let settings = RenderSettings {
             size: self.arguments.size,
             min_difference: precision.min_difference(),

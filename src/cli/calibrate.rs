@@ -4,14 +4,14 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use bulbfold::engine::{Request, Settling};
 use bulbfold::expr::Arena;
 use bulbfold::shade::Size;
 use clap::Args;
 
 use super::arguments::{AutoArgs, ChangeArgs, PrecisionArg, parse_positive, parse_size};
 use super::calibrate_write;
-use super::calibration::{Wish, choose_estimate, json, pasted, table};
-use super::seen::seen;
+use super::calibration::{json, pasted, table};
 use super::{Outcome, Session, usage};
 
 /// What a choice that many pictures will go by is worth.
@@ -53,7 +53,7 @@ pub struct Arguments {
     pub(super) size: Size,
     /// Precision that candidates march in
     #[arg(long, value_enum, default_value_t = PrecisionArg::F32)]
-    precision: PrecisionArg,
+    pub(super) precision: PrecisionArg,
     #[command(flatten)]
     pub(super) estimate: AutoArgs,
     /// Print one JSON object for each formula, a line each, instead of tables
@@ -67,16 +67,9 @@ impl Arguments {
         self.effort.unwrap_or(if self.write { EFFORT_OF_WRITING } else { 1.0 })
     }
 
-    /// What a calibration is to know of the command.
-    pub(super) fn wish(&self) -> Wish<'_> {
-        Wish {
-            estimate: &self.estimate,
-            size: self.size,
-            camera: None,
-            precision: self.precision,
-            effort: self.effort(),
-            quiet: false,
-        }
+    /// The picture that estimates are chosen for.
+    pub(super) fn request(&self) -> Request {
+        Request { effort: self.effort(), ..self.estimate.request(self.size) }
     }
 }
 
@@ -92,8 +85,15 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         // What the file carries is measured anew, as `--write` does.
         let graph = session.load_solid(file, &arguments.changes.changes(), "`calibrate`")?.without_calibration();
         let arena = Arc::new(Arena::default());
-        let graph = seen(session, &arena, graph, arguments.size, &arguments.estimate.estimate.settings())?;
-        let calibration = choose_estimate(session, &graph, &arena, &arguments.wish())?;
+        let request = arguments.request();
+        let settling = Settling { library: &session.library, arena: &arena, request: &request };
+        let calibration = settling
+            .seen(graph)
+            .and_then(|graph| {
+                let plan = settling.plan(&graph)?;
+                settling.estimate(&graph, plan, arguments.precision.precision(), &mut session.watch(false))
+            })
+            .map_err(|error| session.failed(error))?;
         if arguments.json {
             writeln!(out, "{}", json(&calibration))?;
             continue;

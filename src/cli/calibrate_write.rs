@@ -8,14 +8,14 @@ use std::time::Instant;
 use bulbfold::calibrate::written::{with_outcome, without_outcome};
 use bulbfold::calibrate::{Budget, Calibration, Options, calibrate};
 use bulbfold::check::{Subject, check_calibration};
-use bulbfold::compose::{choose, field_orbits};
+use bulbfold::compose::field_orbits;
 use bulbfold::diag::{Diagnostics, SourceId};
+use bulbfold::engine::Settling;
 use bulbfold::expr::Arena;
 use bulbfold::graph::ValidGraph;
 use bulbfold::load::{Loaded, load, load_text};
 
 use super::calibrate::Arguments;
-use super::calibration::options;
 use super::output::cannot_write;
 use super::progress::{Progress, short};
 use super::{Failure, Outcome, Session, message, usage};
@@ -181,11 +181,11 @@ fn measure(
         if field_orbits(&subject.composer()).is_empty() {
             return Ok(None);
         }
-        let wish = arguments.wish();
-        let mut subject = Subject { plan: subject.plan.clone(), ..*subject };
-        let wanted = wish.estimate.settings();
-        subject.plan = choose(&subject.composer(), &wanted).map_err(|error| told(session.failure(error)))?;
-        let options = Options { budget, cache: None, ..options(&subject, &wish) };
+        let request = arguments.request();
+        let settling = Settling { library: subject.library, arena: subject.arena, request: &request };
+        let plan = settling.plan(subject.graph).map_err(|error| told(session.failed(error)))?;
+        let subject = Subject { plan, ..*subject };
+        let options = Options { budget, cache: None, ..settling.options(&subject, arguments.precision.precision()) };
         let mut progress = Progress::new(false);
         let calibration = calibrate(&subject, &options, &mut |share| progress.update(share));
         progress.finish();

@@ -1,91 +1,13 @@
-//! What commands that say `auto` share: the calibration of a formula for a view, and its evidence as a table.
+//! The evidence of a calibration, as a table for people and as JSON for programs.
 
 use std::fmt::Write as _;
-use std::sync::Arc;
 
 use bulbfold::calibrate::written::calibrated;
-use bulbfold::calibrate::{Budget, Calibration, Options, Origin, Row, Verdict, cache, calibrate, camera_of};
-use bulbfold::check::{Subject, Target};
-use bulbfold::compose::{Composer, choose};
-use bulbfold::expr::Arena;
-use bulbfold::graph::{Camera, Method, ValidGraph};
-use bulbfold::shade::Size;
+use bulbfold::calibrate::{Budget, Calibration, Origin, Row, Verdict, cache};
+use bulbfold::graph::Method;
 use serde_json::{Value, json};
 
-use super::arguments::{AutoArgs, PrecisionArg};
-use super::progress::{Progress, short};
-use super::seen::warns_of_inside;
-use super::session::talk;
-use super::{Failure, Session, usage};
-
-/// What a calibration needs to know of a command.
-pub struct Wish<'a> {
-    /// What is asked of the estimate.
-    pub estimate: &'a AutoArgs,
-    /// The picture whose footprints count.
-    pub size: Size,
-    /// The view; the file's where absent.
-    pub camera: Option<Camera>,
-    /// Precision of the march.
-    pub precision: PrecisionArg,
-    /// How much may be computed, as a multiple of what is usual.
-    pub effort: f64,
-    /// No progress.
-    pub quiet: bool,
-}
-
-/// Chooses the estimate of a graph: measured, or by the rules where that is switched off. Warnings are told.
-pub fn choose_estimate(
-    session: &Session,
-    graph: &ValidGraph,
-    arena: &Arc<Arena>,
-    wish: &Wish,
-) -> Result<Calibration, Failure> {
-    let composer = Composer { arena, library: &session.library, graph };
-    let plan = choose(&composer, &wish.estimate.settings()).map_err(|diagnostic| session.failure(diagnostic))?;
-    settle_estimate(session, Subject { library: &session.library, graph, arena, plan }, wish)
-}
-
-/// The same for a subject with the plan that the rules make of what is wished.
-pub fn settle_estimate(session: &Session, subject: Subject, wish: &Wish) -> Result<Calibration, Failure> {
-    subject.plan.warnings.iter().for_each(|warning| session.warn(warning));
-    let is_inside = subject.graph.plane.is_none() && {
-        let camera = wish.camera.unwrap_or_else(|| camera_of(&subject));
-        warns_of_inside(session, &subject, &camera)?
-    };
-    // Points of a plane need no step multiplier, and no ray misses them; from inside of the set none goes anywhere.
-    if subject.graph.plane.is_some() || is_inside || !wish.estimate.calibrate.0 {
-        if wish.estimate.quality.is_some() && subject.graph.plane.is_none() && !is_inside {
-            let help = "drop one of them, or name a proof: `--de certified-ball`";
-            return Err(usage("`--quality` is for the measured choice, which `--calibrate off` switches off", help));
-        }
-        return Ok(Calibration::by_rule(&subject));
-    }
-    let options = options(&subject, wish);
-    let mut progress = Progress::new(wish.quiet);
-    let calibration = calibrate(&subject, &options, &mut |share| progress.update(share));
-    progress.finish();
-    let calibration = calibration.map_err(|diagnostic| session.failure(diagnostic))?;
-    calibration.warnings.iter().for_each(|warning| session.warn(warning));
-    if let (Some(line), false) = (calibration.warns_of_price(), wish.quiet) {
-        talk(&format!("note: {line}"));
-    }
-    Ok(calibration)
-}
-
-/// What a calibration goes by where the user's cache is read and written.
-pub fn options(subject: &Subject, wish: &Wish) -> Options {
-    Options {
-        budget: wish.estimate.error_budget,
-        wanted: wish.estimate.settings(),
-        camera: wish.camera.unwrap_or_else(|| camera_of(subject)),
-        size: wish.size,
-        target: if wish.precision == PrecisionArg::F64 { Target::CpuF64 } else { Target::CpuF32 },
-        effort: wish.effort,
-        cache: cache::folder(),
-        ..Options::of_view(subject)
-    }
-}
+use super::progress::short;
 
 /// The evidence as lines of a table, with a line before it that says where the choice comes from.
 pub fn table(calibration: &Calibration) -> String {

@@ -4,10 +4,11 @@ use std::io::Write;
 use std::sync::Arc;
 
 use bulbfold::compose::{Composer, Purpose, choose, compose_estimator};
+use bulbfold::engine::Error;
 use bulbfold::expr::Arena;
 use bulbfold::graph::EstimateSettings;
 use bulbfold::kernel::cpu::{Cpu, Precision};
-use bulbfold::kernel::{BackendError, Estimator, Kernel, inwards};
+use bulbfold::kernel::{Estimator, Kernel, inwards};
 use clap::Args;
 
 use super::backend::{adapter_lines, run_everywhere};
@@ -97,7 +98,7 @@ fn probe_set(radius: f64) -> Vec<Vec<f64>> {
     Estimator::columns(&points, &directions, &[1e-3 * radius], 0.0)
 }
 
-fn judge(reference: &[Vec<f64>], result: Result<Vec<Vec<f64>>, BackendError>) -> Result<String, String> {
+fn judge(reference: &[Vec<f64>], result: Result<Vec<Vec<f64>>, Error>) -> Result<String, String> {
     let result = result.map_err(|error| error.to_string())?;
     if result.len() != reference.len() || result.iter().zip(reference).any(|(a, b)| a.len() != b.len()) {
         return Err("the result has the wrong shape".into());

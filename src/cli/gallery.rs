@@ -5,10 +5,12 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use bulbfold::calibrate::cache::hash;
-use bulbfold::diag::Diagnostics;
+use bulbfold::diag::{Diagnostic, Diagnostics};
+use bulbfold::engine::{Formula, Observer, Request, Stage};
 use bulbfold::files::{Chosen, read_bytes};
 use bulbfold::film::Image;
 use bulbfold::formula::embedded;
@@ -23,7 +25,6 @@ use super::arguments::{AutoArgs, BackendArg, parse_size};
 use super::gallery_page::{Card, Shown, page};
 use super::picture_key::graph_text;
 use super::progress::{Progress, short};
-use super::render::{self, picture};
 use super::session::{formula_files, talk};
 use super::{Failure, Outcome, Session, message, usage};
 
@@ -85,8 +86,6 @@ pub struct Arguments {
 /// A formula and its picture.
 struct Item {
     /// As commands take it.
-    path: PathBuf,
-    /// The same in text.
     file: String,
     /// Without folder and ending; no two are equal.
     name: String,
@@ -95,9 +94,27 @@ struct Item {
 }
 
 struct Read {
-    graph: ValidGraph,
+    formula: Arc<Formula>,
     text: String,
     key: String,
+}
+
+/// Tells how far one of many pictures is, and its warnings.
+struct Part<'a> {
+    session: &'a Session,
+    tell: &'a mut (dyn FnMut(f64) + Send),
+}
+
+impl Observer for Part<'_> {
+    fn progress(&mut self, stage: Stage, share: f64) {
+        if stage == Stage::Rendering {
+            (self.tell)(share);
+        }
+    }
+
+    fn warn(&mut self, warning: Diagnostic) {
+        self.session.tell(warning);
+    }
 }
 
 /// Runs the command.
@@ -149,7 +166,7 @@ fn read_all(arguments: &Arguments, session: &mut Session, files: Vec<PathBuf>) -
             Some(loaded) => Ok(Read {
                 key: key(arguments, session, &loaded.graph),
                 text: session.library.sources.text(loaded.text).to_string(),
-                graph: loaded.graph,
+                formula: Arc::new(Formula::of(session.library.clone(), loaded)),
             }),
             None => Err(d.render(&session.library.sources, false)),
         };
@@ -164,7 +181,7 @@ fn read_all(arguments: &Arguments, session: &mut Session, files: Vec<PathBuf>) -
             }
             name = format!("{stem}-{i}");
         }
-        items.push(Item { file: path.display().to_string(), path, name, read });
+        items.push(Item { file: path.display().to_string(), name, read });
     }
     items
 }
@@ -207,17 +224,15 @@ fn render_all(
     let mut progress = Progress::new(arguments.quiet);
     let mut rendered = 0;
     for (done, &i) in due.iter().enumerate() {
-        let Ok(Read { graph, key, .. }) = &items[i].read else { continue };
+        let Ok(Read { formula, key, .. }) = &items[i].read else { continue };
         let count = due.len() as f64;
-        let asked = render::Arguments::of_picture(
-            &items[i].path,
-            size,
-            arguments.samples,
-            arguments.backend,
-            arguments.estimate,
-        );
-        let image =
-            picture(session, &asked, graph.clone(), &mut |share| progress.update((done as f64 + share) / count));
+        let request = Request {
+            samples: arguments.samples,
+            backend: arguments.backend.choice(),
+            ..arguments.estimate.request(size)
+        };
+        let mut part = Part { session, tell: &mut |share| progress.update((done as f64 + share) / count) };
+        let image = session.engine.picture(formula, &request, &mut part).map_err(|error| session.failed(error));
         match image {
             Ok(image) => {
                 let path = path(&items[i]);
@@ -268,7 +283,7 @@ fn card(arguments: &Arguments, item: &Item) -> Card {
         size,
         command: command(arguments, item, size),
         formula: read.text.clone(),
-        graph: read.graph.clone(),
+        graph: read.formula.graph().clone(),
     });
     Card { name: item.name.clone(), file: item.file.clone(), shown }
 }

@@ -27,7 +27,6 @@ mod gallery;
 #[cfg(feature = "chart")]
 mod gallery_page;
 mod import;
-mod jobs;
 mod list;
 mod new;
 mod notation;
@@ -39,7 +38,6 @@ mod probe;
 mod progress;
 mod range;
 mod render;
-mod seen;
 mod session;
 mod stats;
 mod sweep;
@@ -48,6 +46,7 @@ mod truth;
 mod truth_table;
 #[cfg(feature = "chart")]
 mod view;
+mod watch;
 
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;

@@ -5,8 +5,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use bulbfold::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimator};
+use bulbfold::engine::{Observer, Request, Settling, Work};
 use bulbfold::expr::Arena;
 use bulbfold::graph::{Method, ValidGraph};
+use bulbfold::kernel::cpu::Precision;
+use bulbfold::kernel::template::Kept;
 use bulbfold::kernel::{Backend, BackendError, Estimator, Kernel, Status, inwards, march_output_ports};
 use bulbfold::march::{MarchSettings, compose_march};
 use bulbfold::render::{RenderSettings, in_precision};
@@ -14,8 +17,6 @@ use clap::{ArgGroup, Args};
 use serde_json::{Map, Value, json};
 
 use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PrecisionArg, parse_positive, parse_vector};
-use super::backend::{Job, Wanted, run_job};
-use super::calibration::{Wish, choose_estimate};
 use super::points::read_rows;
 use super::{Failure, Outcome, Session, usage};
 
@@ -67,11 +68,15 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
-    let precision = wanted.precision(PrecisionArg::F64)?;
+    let request = Request {
+        backend: arguments.backend.choice(),
+        precision: arguments.precision.map(PrecisionArg::precision),
+        ..arguments.estimate.request(RenderSettings::default().size)
+    };
+    let precision = request.precision_or(Precision::F64).map_err(|error| session.failed(error))?;
     let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let arena = Arc::new(Arena::default());
-    let probe = Probe { arguments, session, graph: &graph, arena: &arena, precision };
+    let probe = Probe { arguments, session, graph: &graph, arena: &arena, request: &request, precision };
     match &arguments.rays {
         Some(path) => {
             let rays = read_rows::<6>(path, "an origin and a direction: ox,oy,oz,dx,dy,dz")?;
@@ -92,7 +97,8 @@ struct Probe<'a> {
     session: &'a Session,
     graph: &'a ValidGraph,
     arena: &'a Arc<Arena>,
-    precision: PrecisionArg,
+    request: &'a Request,
+    precision: Precision,
 }
 
 impl Probe<'_> {
@@ -109,20 +115,18 @@ impl Probe<'_> {
         Ok(plan)
     }
 
-    fn job<J: Job>(&self, job: &mut J) -> Result<J::Output, Failure> {
-        run_job(self.session, self.arguments.backend, self.precision, job).map(|(_, output)| output)
+    fn work<W: Work>(&self, work: &mut W) -> Result<W::Output, Failure> {
+        let backends = self.session.engine.backends();
+        let done = backends.run(self.request.backend, self.precision, work, &mut self.session.watch(true));
+        done.map(|(_, output)| output).map_err(|error| self.session.failed(error))
     }
 
     fn rays(&self, rays: &[[f64; 6]], out: &mut dyn Write) -> Outcome {
-        let wish = Wish {
-            estimate: &self.arguments.estimate,
-            size: RenderSettings::default().size,
-            camera: None,
-            precision: self.precision,
-            effort: 1.0,
-            quiet: true,
-        };
-        let plan = choose_estimate(self.session, self.graph, self.arena, &wish)?.plan;
+        let settling = Settling { library: &self.session.library, arena: self.arena, request: self.request };
+        let calibration = settling
+            .plan(self.graph)
+            .and_then(|plan| settling.estimate(self.graph, plan, self.precision, &mut self.session.watch(true)));
+        let plan = calibration.map_err(|error| self.session.failed(error))?.plan;
         let plan = in_precision(plan, self.precision.min_difference());
         let estimator = compose_estimator(&self.composer(), &plan.choices, Purpose::Estimate);
         let estimator = estimator.map_err(|diagnostic| self.session.failure(diagnostic))?;
@@ -132,7 +136,7 @@ impl Probe<'_> {
         let settings = MarchSettings { hit_eps: self.arguments.hit_eps.unwrap_or(settings.hit_eps), ..settings };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
         let columns = ray_columns(rays, plan.bounding_radius)?;
-        let results = self.job(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })?;
+        let results = self.work(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })?;
         let ports = march_output_ports();
         let column = |name: &str| &results[ports.iter().position(|p| p.name == name).expect("a port of the march")];
         for i in 0..rays.len() {
@@ -241,7 +245,7 @@ impl Probe<'_> {
         let direction = |p: &[f64; 3]| self.arguments.direction.map_or_else(|| inwards(p), |d| inwards(&d.map(|x| -x)));
         let directions: Vec<[f64; 3]> = points.iter().map(direction).collect();
         let columns = Estimator::columns(points, &directions, steps, 0.0);
-        self.job(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })
+        self.work(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })
     }
 }
 
@@ -282,10 +286,15 @@ pub struct KernelJob<'a> {
     pub columns: &'a [Vec<f64>],
 }
 
-impl Job for KernelJob<'_> {
+impl Work for KernelJob<'_> {
     type Output = Vec<Vec<f64>>;
 
-    fn run<B: Backend>(&mut self, backend: &B) -> Result<Vec<Vec<f64>>, BackendError> {
+    fn run<B: Backend>(
+        &mut self,
+        backend: &B,
+        _: &mut Kept<B>,
+        _: &mut dyn Observer,
+    ) -> Result<Vec<Vec<f64>>, BackendError> {
         let prepared = backend.prepare(self.arena, self.kernel)?;
         let columns = backend.upload(self.columns)?;
         backend.download(&backend.run(&prepared, &[&columns])?)

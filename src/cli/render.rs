@@ -2,37 +2,26 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-use bulbfold::calibrate::Calibration;
-use bulbfold::check::Subject;
-use bulbfold::compose::{Composer, Plan};
-use bulbfold::expr::Arena;
 #[cfg(feature = "chart")]
-use bulbfold::film::Image;
-use bulbfold::graph::{Camera, ValidGraph};
-use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
-use bulbfold::render::{Pipeline, RenderSettings, Sampling, compose_planned};
-use bulbfold::shade::{self, Size};
+use std::time::Instant;
+
+use bulbfold::engine::{CameraChange, Error, Job, Request};
+use bulbfold::files::Target;
+use bulbfold::film::PngFile;
+use bulbfold::render::Sampling;
+use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
 use super::arguments::{
     AutoArgs, BackendArg, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector,
 };
-use super::backend::{Wanted, run_job};
-use super::calibration::{Wish, settle_estimate};
-use super::jobs::FileJob;
-#[cfg(feature = "chart")]
-use super::jobs::PictureJob;
 use super::output::{Content, check_output, not_written, refuse_both};
 use super::progress::short;
-use super::seen::{self, framed};
 use super::session::{refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
 #[cfg(feature = "chart")]
-use super::view::{self, Request, ViewArg};
-use super::{Failure, Outcome, Session, stats, usage};
+use super::view::{self, ViewArg};
+use super::{Outcome, Session, stats};
 
 /// Arguments of `render`.
 #[derive(Args, Debug)]
@@ -115,35 +104,6 @@ impl SamplingArg {
 pub(super) const DEFAULT_SIZE: Size = Size { width: 1280, height: 720 };
 
 impl Arguments {
-    /// What asks for a picture of a formula's own view, with everything else by default and without a word.
-    #[cfg(feature = "chart")]
-    pub(super) fn of_picture(
-        file: &Path,
-        size: Size,
-        samples: u32,
-        backend: BackendArg,
-        estimate: AutoArgs,
-    ) -> Arguments {
-        Arguments {
-            formula: FormulaArgs::unchanged(file),
-            output: None,
-            size: Some(size),
-            view: None,
-            samples,
-            sampling: SamplingArg::Adaptive,
-            backend,
-            precision: PicturePrecision::Auto,
-            estimate,
-            camera: CameraArgs::default(),
-            sweep: SweepArgs::default(),
-            exact_rays: false,
-            stats: false,
-            json: false,
-            threads: None,
-            quiet: true,
-        }
-    }
-
     fn default_size(&self) -> Size {
         #[cfg(feature = "chart")]
         if let Some(view) = self.view {
@@ -160,37 +120,24 @@ impl Arguments {
         true
     }
 
-    /// Starts the threads that were asked for, and gives the precision.
-    pub(super) fn prepare(&self) -> Result<PrecisionArg, Failure> {
+    /// Starts the threads that were asked for.
+    pub(super) fn prepare(&self) {
         if let Some(threads) = self.threads {
             // Fails only when threads are running already, and then the number stays what it was.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
         }
-        Wanted { backend: self.backend, precision: self.precision.given() }.precision(PrecisionArg::F32)
     }
 
-    /// What a calibration for one picture is to know.
-    pub(super) fn wish(&self, graph: &ValidGraph, settings: &RenderSettings, precision: PrecisionArg) -> Wish<'_> {
-        Wish {
-            estimate: &self.estimate,
-            size: settings.size,
-            camera: graph.camera,
-            precision,
-            effort: 1.0,
-            quiet: self.quiet,
-        }
-    }
-
-    /// What is asked of the picture, before anything is chosen.
-    pub(super) fn settings(&self, precision: PrecisionArg) -> RenderSettings {
-        RenderSettings {
-            size: self.size.unwrap_or_else(|| self.default_size()),
+    /// The picture that is asked for.
+    pub(super) fn request(&self) -> Request {
+        Request {
             samples: self.samples,
             sampling: self.sampling.sampling(),
-            min_difference: precision.min_difference(),
-            estimate: self.estimate.estimate.settings(),
-            plain: self.exact_rays,
-            ..RenderSettings::default()
+            camera: self.camera.change(),
+            backend: self.backend.choice(),
+            precision: self.precision.given().map(PrecisionArg::precision),
+            exact_rays: self.exact_rays,
+            ..self.estimate.request(self.size.unwrap_or_else(|| self.default_size()))
         }
     }
 }
@@ -216,10 +163,6 @@ pub(super) struct CameraArgs {
 }
 
 impl CameraArgs {
-    pub(super) fn is_empty(&self) -> bool {
-        self.camera.is_none() && self.target.is_none() && self.up.is_none() && self.fov.is_none() && self.turn.is_none()
-    }
-
     /// Takes a change of a file's camera, which then need not have one. An option of the same meaning wins.
     fn takes(&mut self, path: &str, value: &str) -> bool {
         let inner = value.strip_prefix('(').and_then(|text| text.strip_suffix(')')).unwrap_or(value);
@@ -233,23 +176,15 @@ impl CameraArgs {
         }
     }
 
-    /// `base` with what was given in its place.
-    fn apply(&self, base: Camera) -> Result<Camera, Failure> {
-        let mut camera = Camera {
-            position: self.camera.unwrap_or(base.position),
-            target: self.target.unwrap_or(base.target),
-            up: self.up.unwrap_or(base.up),
-            fov: self.fov.map_or(base.fov, f64::to_radians),
-        };
-        if let Some(angle) = self.turn {
-            camera = shade::turned(&camera, angle);
+    /// As the engine takes it.
+    pub(super) fn change(&self) -> CameraChange {
+        CameraChange {
+            position: self.camera,
+            target: self.target,
+            up: self.up,
+            fov: self.fov.map(f64::to_radians),
+            turn: self.turn,
         }
-        let frame = shade::CameraFrame::new(&camera);
-        if [frame.right, frame.up, frame.forward].iter().flatten().all(|x| x.is_finite()) {
-            return Ok(camera);
-        }
-        let help = "move --camera away from --target, or choose another --up";
-        Err(usage("the camera's position, target and up direction lie on one line", help))
     }
 }
 
@@ -266,46 +201,51 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
     if arguments.json {
         refuse_both(&output, "--json")?;
     }
-    let asked = arguments.prepare()?;
-    let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
+    arguments.prepare();
+    let request = arguments.request();
+    // Before anything is read: what contradicts itself is told at once.
+    request.first_precision().map_err(|error| session.failed(error))?;
+    let formula = session.open(&arguments.formula.file, &arguments.formula.changes())?;
     session.spare_inputs(&output)?;
     if !arguments.is_plain() {
-        refuse_plane(&graph, "`--view`")?;
+        refuse_plane(formula.graph(), "`--view`")?;
     }
-    let arena = Arc::new(Arena::default());
-    let Fitted { graph, settings, pipeline, precision, calibration, composing } =
-        fit(session, arguments, asked, &arena, graph)?;
+    let mut watch = session.watch(arguments.quiet);
+    let job = session.engine.settle(&formula, &request, &mut watch).map_err(|error| session.failed(error))?;
+    drop(watch);
     #[cfg(feature = "chart")]
     if let Some(ViewArg(view)) = arguments.view {
-        let request = Request {
-            view,
-            composer: Composer { arena: &arena, library: &session.library, graph: &graph },
-            pipeline: &pipeline,
-            settings: &settings,
-            backend: arguments.backend,
-            precision,
-            quiet: arguments.quiet,
-            stats: arguments.stats,
-        };
         let start = Instant::now();
-        let image = view::render(session, &request)?;
+        let image = view::render(session, view, &job, (arguments.quiet, arguments.stats))?;
         image.write_png_to(&output).map_err(|error| not_written(&output, &error))?;
         if !arguments.quiet {
             talk(&format!("{} ({})", output.path().display(), short(start.elapsed())));
         }
         return Ok(());
     }
-    let mut job = FileJob::new(&arena, (&pipeline, &settings), &output, arguments.quiet);
-    let (backend, (stats, written)) = run_job(session, arguments.backend, precision, &mut job)?;
-    let encode = written.map_err(|error| not_written(&output, &error))?;
+    write_picture(arguments, session, &job, &output, out)
+}
+
+/// Renders a settled picture into its file, and says what was chosen and counted where that is asked for.
+fn write_picture(arguments: &Arguments, session: &Session, job: &Job, output: &Target, out: &mut dyn Write) -> Outcome {
+    let mut file = PngFile::at(output, job.size(), None);
+    let done = session.engine.render(job, job.rows(), &mut file, &mut session.watch(arguments.quiet));
+    let written = match &done {
+        // The file has the cause.
+        Ok(_) | Err(Error::Sink(_)) => Some(file.finish().map_err(|error| not_written(output, &error))),
+        Err(_) => None,
+    };
+    let encode = written.transpose()?;
+    let (done, encode) = (done.map_err(|error| session.failed(error))?, encode.unwrap_or_default());
+    let composed = job.composed().map_err(|error| session.failed(error))?;
     let report = stats::Report {
-        fractal: &graph.name,
-        backend: &backend,
-        settings: &settings,
-        pipeline: &pipeline,
-        calibration: &calibration,
-        composing,
-        stats: &stats,
+        fractal: &composed.graph.name,
+        backend: &done.backend,
+        settings: &composed.settings,
+        pipeline: &composed.pipeline,
+        calibration: job.calibration.as_deref(),
+        composing: composed.took,
+        stats: &done.stats,
         encode,
     };
     if arguments.json {
@@ -315,86 +255,9 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
         talk(report.table().trim_end());
     }
     if !arguments.quiet {
-        talk(&format!("{} ({})", output.path().display(), short(stats.render)));
+        talk(&format!("{} ({})", output.path().display(), short(done.stats.render)));
     }
     Ok(())
-}
-
-/// A picture's kernels, with the estimate and the precision that its view needs.
-struct Fitted {
-    graph: ValidGraph,
-    settings: RenderSettings,
-    pipeline: Pipeline,
-    precision: PrecisionArg,
-    calibration: Calibration,
-    /// Time to compose the kernels.
-    composing: Duration,
-}
-
-/// Settles the view, then the precision that it needs (by rays of a march by rules), then the estimate.
-fn fit(
-    session: &Session,
-    arguments: &Arguments,
-    asked: PrecisionArg,
-    arena: &Arc<Arena>,
-    graph: ValidGraph,
-) -> Result<Fitted, Failure> {
-    let failed = |diagnostic| session.failure(diagnostic);
-    let mut settings = arguments.settings(asked);
-    let (mut graph, mut plan) = with_view(session, arena, graph, &settings, &arguments.camera)?;
-    let wanted =
-        seen::Wanted { size: settings.size, estimate: &settings.estimate, is_own: arguments.camera.is_empty() };
-    if let Some(found) = seen::iterations(session, arena, &graph, wanted)? {
-        (graph, plan) = (found.apply(&graph), None);
-    }
-    let composer = Composer { arena, library: &session.library, graph: &graph };
-    let plan = plan.map_or_else(|| seen::plan_of(session, arena, &graph, &settings.estimate), Ok)?;
-    let by_rules = compose_planned(&composer, &settings, plan.clone()).map_err(failed)?;
-    let resolution = resolution(arena, &by_rules, settings.size);
-    let precision = settle_precision(session, arguments, asked, &resolution);
-    settings.min_difference = precision.min_difference();
-    settings.boxed = true;
-    let subject = Subject { library: &session.library, graph: &graph, arena, plan };
-    let calibration = settle_estimate(session, subject, &arguments.wish(&graph, &settings, precision))?;
-    let start = Instant::now();
-    let pipeline = compose_planned(&composer, &settings, calibration.plan.clone()).map_err(failed)?;
-    Ok(Fitted { composing: start.elapsed(), graph, settings, pipeline, precision, calibration })
-}
-
-/// The precision of the picture, with a word where the view is too close for one.
-pub(super) fn settle_precision(
-    session: &Session,
-    arguments: &Arguments,
-    asked: PrecisionArg,
-    resolution: &Resolution,
-) -> PrecisionArg {
-    let fits = |precision: PrecisionArg| resolution.fits(precision.cpu());
-    let grain = |precision: PrecisionArg| {
-        let ulps = resolution.ulps(precision.cpu());
-        let shown = if ulps < 0.01 { format!("{ulps:.1e}") } else { format!("{ulps:.2}") };
-        format!("a pixel spans {shown} units of the last place of {} and should span {LEAST_ULPS}", precision.name())
-    };
-    if asked == PrecisionArg::F32 && !fits(asked) {
-        let (is_auto, is_gpu) = (arguments.precision == PicturePrecision::Auto, arguments.backend == BackendArg::Gpu);
-        let text = format!("this view is too close for f32: {}", grain(asked));
-        match (is_auto, is_gpu) {
-            (true, false) if !arguments.quiet => talk(&format!("{text}; the CPU takes it in f64")),
-            (true, false) => {}
-            (_, true) => session.warn(&format!("{text}; `--backend auto` takes the CPU, which has f64")),
-            (false, false) => session.warn(&format!("{text}; `--precision auto` takes f64")),
-        }
-        if is_auto && !is_gpu {
-            return settle_precision(session, arguments, PrecisionArg::F64, resolution);
-        }
-    }
-    if asked == PrecisionArg::F64 && !fits(asked) {
-        let times = (1.0 / resolution.room(asked.cpu())).max(1.0);
-        session.warn(&format!(
-            "this view is too close for f64: {}; the picture will show steps of rounding. Go {times:.1} times farther away",
-            grain(asked)
-        ));
-    }
-    asked
 }
 
 /// The picture's path: what was given, else the formula's name in the current folder.
@@ -405,40 +268,4 @@ fn output_path(arguments: &Arguments) -> PathBuf {
         name.push(".png");
         PathBuf::from(name)
     })
-}
-
-/// The graph with the camera that was asked for, and the plan where one was made that still holds.
-pub(super) fn with_view(
-    session: &Session,
-    arena: &Arc<Arena>,
-    graph: ValidGraph,
-    settings: &RenderSettings,
-    view: &CameraArgs,
-) -> Result<(ValidGraph, Option<Plan>), Failure> {
-    if graph.plane.is_some() && !view.is_empty() {
-        let text = format!("a picture of `{}` shows a plane, which has no camera", graph.name);
-        return Err(usage(text, "place the plane: --set 'plane=(center: (-0.5, 0.0), height: 2.5)'"));
-    }
-    let (graph, plan) = framed(session, arena, graph, &settings.estimate)?;
-    match graph.camera.filter(|_| !view.is_empty()) {
-        None => Ok((graph, plan)),
-        // What the file's estimate was calibrated on is not seen any more.
-        Some(base) => Ok((graph.with_camera(view.apply(base)?).without_calibration(), None)),
-    }
-}
-
-/// A picture in memory of a formula that has been loaded.
-#[cfg(feature = "chart")]
-pub(super) fn picture(
-    session: &Session,
-    arguments: &Arguments,
-    graph: ValidGraph,
-    progress: &mut (dyn FnMut(f64) + Send),
-) -> Result<Image, Failure> {
-    let asked = arguments.prepare()?;
-    let arena = Arc::new(Arena::default());
-    let Fitted { settings, pipeline, precision, .. } = fit(session, arguments, asked, &arena, graph)?;
-    let mut job = PictureJob { arena: &arena, pipeline: &pipeline, settings: &settings, progress };
-    let (_, image) = run_job(session, arguments.backend, precision, &mut job)?;
-    Ok(image)
 }

@@ -2,18 +2,23 @@
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use bulbfold::diag::{Diagnostic, Diagnostics, Sources};
+use bulbfold::engine::{Engine, Error, Formula};
 use bulbfold::formula::library::Library;
 use bulbfold::graph::ValidGraph;
 use bulbfold::load::{Loaded, load};
 
-use super::{Failure, usage};
+use super::watch::Watch;
+use super::{Failure, message, usage};
 
 /// A run of the program.
 pub struct Session {
     /// Steps and texts.
     pub library: Library,
+    /// Renders, and does all other work on back ends.
+    pub engine: Engine,
     /// Whether stderr takes colour.
     colour: bool,
 }
@@ -23,7 +28,7 @@ impl Session {
     pub fn new(folders: &[PathBuf], trusts_others: bool) -> Result<Session, Failure> {
         let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
         let colour = std::io::stderr().is_terminal() && !no_colour;
-        let mut session = Session { library: Library::builtin(), colour };
+        let mut session = Session { library: Library::builtin(), engine: Engine::new(), colour };
         session.library.trusts_others = trusts_others;
         let mut d = Diagnostics::default();
         for folder in folders {
@@ -39,6 +44,27 @@ impl Session {
         let loaded = load(&mut self.library, &what, set, &mut d);
         self.report(d)?;
         loaded.ok_or_else(|| usage(format!("cannot load `{}`", what.as_ref().display()), ""))
+    }
+
+    /// Loads a fractal as the engine takes it.
+    pub fn open(&mut self, what: impl AsRef<Path>, set: &[(String, String)]) -> Result<Arc<Formula>, Failure> {
+        let loaded = self.load(what, set)?;
+        Ok(Arc::new(Formula::of(self.library.clone(), loaded)))
+    }
+
+    /// What tells the user of work.
+    pub fn watch(&self, quiet: bool) -> Watch<'_> {
+        Watch::new(self, quiet)
+    }
+
+    /// The failure for an error of the engine.
+    pub fn failed(&self, error: Error) -> Failure {
+        match error {
+            Error::Formula(inner) => Failure::Usage(inner.messages.render(&inner.sources, self.colour)),
+            Error::Request { text, help } => usage(text, &help),
+            Error::Backend { error, help } => Failure::Work(message(&error.to_string(), help)),
+            error @ (Error::Sink(_) | Error::Cancelled) => Failure::Work(message(&error.to_string(), "")),
+        }
     }
 
     /// Loads a fractal for something that follows rays, which pictures of a plane have none of.
@@ -85,10 +111,15 @@ impl Session {
 
     /// Says something on stderr, as a warning.
     pub fn warn(&self, text: &str) {
-        let mut d = Diagnostics::default();
         let (what, help) = text.split_once('\n').unwrap_or((text, ""));
         let warning = Diagnostic::warning(what);
-        d.push(if help.is_empty() { warning } else { warning.help(help) });
+        self.tell(if help.is_empty() { warning } else { warning.help(help) });
+    }
+
+    /// Shows a message on stderr.
+    pub fn tell(&self, message: Diagnostic) {
+        let mut d = Diagnostics::default();
+        d.push(message);
         let _ = write!(std::io::stderr(), "{}", d.render(&self.library.sources, self.colour));
     }
 }

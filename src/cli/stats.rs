@@ -25,7 +25,7 @@ pub struct Report<'a> {
     /// What was chosen.
     pub pipeline: &'a Pipeline,
     /// How the estimate was chosen.
-    pub calibration: &'a Calibration,
+    pub calibration: Option<&'a Calibration>,
     /// Time that composing the kernels took.
     pub composing: Duration,
     /// What was counted.
@@ -117,7 +117,7 @@ impl Report<'_> {
             "render_seconds": stats.render.as_secs_f64(),
             "stage_seconds": self.stages().iter().map(|(name, time)| ((*name).into(), json!(time.as_secs_f64()))).collect::<Map<_, _>>(),
             "peak_memory_bytes": peak_memory(),
-            "calibration": calibration::json(self.calibration),
+            "calibration": self.calibration.map(calibration::json),
             "warnings": plan.warnings,
         })
     }
@@ -177,7 +177,7 @@ impl Report<'_> {
         if let Some(bytes) = peak_memory() {
             row("peak memory", format!("{:.0} MiB", bytes as f64 / f64::from(1 << 20)));
         }
-        text.push_str(&calibration::table(self.calibration));
+        text.push_str(&self.calibration.map(calibration::table).unwrap_or_default());
         text
     }
 }

@@ -1,32 +1,26 @@
 //! `bulbfold render --sweep`: the frames of an animation, with as few kernels as their structures allow.
 
-use std::collections::BTreeSet;
 use std::io::Write;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use bulbfold::calibrate::Calibration;
-use bulbfold::compose::{Composer, Plan, choose};
+use bulbfold::compose::{Composer, Plan};
+use bulbfold::engine::{Animation, Estimates, Frame, Observer, Stage, Work};
 use bulbfold::expr::Arena;
 use bulbfold::files::Target;
 use bulbfold::film::PngFile;
 use bulbfold::frames::{FrameRenderer, Frames, JoinedFrames};
-use bulbfold::graph::{EstimateSettings, ValidGraph};
+use bulbfold::kernel::template::Kept;
 use bulbfold::kernel::{Backend, BackendError, Compiling};
-use bulbfold::precision::resolution;
-use bulbfold::render::{Iterations, RenderSettings, Renderer, Stats, beams_hold, compose_pipeline, compose_planned};
+use bulbfold::render::{RenderSettings, Renderer, Stats, beams_hold, compose_planned};
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::PrecisionArg;
-use super::backend::{Job, run_job};
-use super::calibration::choose_estimate;
 use super::frames::{Names, frame_key, frames_to_do, refuse_json};
 use super::output::not_written;
-use super::progress::{Progress, short};
+use super::progress::short;
 use super::range::Range;
-use super::render::{Arguments, settle_precision, with_view};
-use super::seen::{Wanted, framed, iterations};
+use super::render::Arguments;
 use super::session::talk;
 use super::{Failure, Outcome, Session, message, usage};
 
@@ -92,32 +86,34 @@ pub fn run(
     if arguments.json {
         refuse_json(&names)?;
     }
-    let asked = arguments.prepare()?;
+    arguments.prepare();
+    let request = arguments.request();
+    request.first_precision().map_err(|error| session.failed(error))?;
     let (start, mut composing) = (Instant::now(), Duration::ZERO);
-    let graphs = graphs(session, arguments, sweep, frames)?;
-    let (settings, precision) = settle(session, arguments, &graphs, asked)?;
-    let keys: Vec<String> = graphs.iter().map(|graph| frame_key(session, arguments, &settings, graph)).collect();
+    let moved = moved(session, arguments, sweep, frames)?;
+    let session = &*session;
+    let failed = |error| session.failed(error);
+    let mut watch = session.watch(arguments.quiet);
+    let animation = Animation::settle(&session.library, &request, moved, &mut watch).map_err(failed)?;
+    let settings = request.settings(animation.precision);
+    let key = |graph| frame_key(session, arguments, &settings, graph);
+    let keys: Vec<String> = animation.graphs.iter().map(key).collect();
     let todo = match sweep.resume {
         true => frames_to_do(&names, &keys, &settings)?,
         false => (0..frames).collect(),
     };
     let targets = names.targets(session, &todo)?;
-    let estimates = estimates(session, arguments, &graphs, &settings, precision)?;
+    let estimates = animation.estimates(&mut watch).map_err(failed)?;
     let mut gathered = Frames::default();
-    let mut plans = Plans::of(sweep);
+    let mut plans = Plans::of(sweep, &estimates);
     for &frame in &todo {
-        let graph = &graphs[frame as usize];
         let arena = Arc::new(Arena::default());
+        let graph = &animation.graphs[frame as usize];
         let composer = Composer { arena: &arena, library: &session.library, graph };
-        let failed = |diagnostic| session.failure(diagnostic);
-        let plan = match &estimates {
-            Estimates::Shared(wanted) => plans.next(|| choose(&composer, wanted).map_err(failed))?,
-            Estimates::Own => {
-                choose_estimate(session, graph, &arena, &arguments.wish(graph, &settings, precision))?.plan
-            }
-        };
+        let plan = plans.next(|| animation.plan(frame as usize, &estimates, &arena, &mut watch).map_err(failed))?;
         let begun = Instant::now();
-        let mut pipeline = compose_planned(&composer, &settings, plan).map_err(failed)?;
+        let pipeline = compose_planned(&composer, &settings, plan);
+        let mut pipeline = pipeline.map_err(|diagnostic| session.failure(diagnostic))?;
         let hold = beams_hold(&arena, &pipeline, &settings);
         if !hold.map_err(|error| Failure::Work(message(&error.to_string(), "")))? {
             pipeline.beams = None;
@@ -131,11 +127,11 @@ pub fn run(
         settings: &settings,
         targets,
         keys: todo.iter().map(|&frame| keys[frame as usize].as_str()).collect(),
-        quiet: arguments.quiet,
         next: 0,
         counted: Counted::default(),
     };
-    let (backend, written) = run_job(session, arguments.backend, precision, &mut job)?;
+    let done = session.engine.backends().run(request.backend, animation.precision, &mut job, &mut watch);
+    let (backend, written) = done.map_err(failed)?;
     written?;
     let report =
         Report { backend, composing, skipped: frames as usize - todo.len(), joined: &joined, counted: &job.counted };
@@ -151,20 +147,11 @@ pub fn run(
     Ok(())
 }
 
-/// The fractal of each frame, seen as that frame sees it. All are read before anything is rendered, so that a value out of
-/// range is told at once.
-fn graphs(
-    session: &mut Session,
-    arguments: &Arguments,
-    sweep: &SweepArgs,
-    frames: u32,
-) -> Result<Vec<ValidGraph>, Failure> {
-    let mut graphs = Vec::new();
-    let (mut base, mut is_own) = (None, true);
-    let settings = arguments.settings(PrecisionArg::F32);
+/// What each frame shows. All are read before anything is rendered, so that a value out of range is told at once.
+fn moved(session: &mut Session, arguments: &Arguments, sweep: &SweepArgs, frames: u32) -> Result<Vec<Frame>, Failure> {
+    let mut moved = Vec::new();
     for frame in 0..frames {
         let (mut set, mut camera) = (arguments.formula.changes(), arguments.camera);
-        let mut turn = None;
         for range in &sweep.ranges {
             let value = || range.numbers(frame, frames);
             let vector = || <[f64; 3]>::try_from(value()).ok();
@@ -173,68 +160,15 @@ fn graphs(
                 "target" => camera.target = vector(),
                 "up" => camera.up = vector(),
                 "fov" => camera.fov = value().first().copied(),
-                "turn" => turn = value().first().map(|degrees| degrees.to_radians()),
+                "turn" => camera.turn = value().first().map(|degrees| degrees.to_radians()),
                 name => set.push((name.to_string(), range.ron(frame, frames))),
             }
         }
         let file = &arguments.formula.file;
         let loaded = if frame == 0 { session.load(file, &set)? } else { session.load_again(file, &set)? };
-        camera.turn = turn;
-        let arena = Arc::new(Arena::default());
-        // One frame for all: each framed by itself would jump.
-        let (graph, _) = match base {
-            Some(camera) if loaded.graph.camera.is_none() && loaded.graph.plane.is_none() => {
-                (loaded.graph.with_camera(camera), None)
-            }
-            _ => framed(session, &arena, loaded.graph, &settings.estimate)?,
-        };
-        base = base.or(graph.camera);
-        is_own &= camera.is_empty();
-        graphs.push(with_view(session, &arena, graph, &settings, &camera)?.0);
+        moved.push(Frame { graph: loaded.graph, camera: camera.change() });
     }
-    let mut most: Option<Iterations> = None;
-    for graph in key_frames(&graphs) {
-        let wanted = Wanted { size: settings.size, estimate: &settings.estimate, is_own };
-        let found = iterations(session, &Arc::new(Arena::default()), graph, wanted)?;
-        most = most.map_or(found, |most| Some(found.map_or(most, |found| most.max(found))));
-    }
-    Ok(match most {
-        Some(most) => graphs.iter().map(|graph| most.apply(graph)).collect(),
-        None => graphs,
-    })
-}
-
-/// First, middle and last frame: those that speak for the others.
-fn key_frames(graphs: &[ValidGraph]) -> Vec<&ValidGraph> {
-    let last = graphs.len() - 1;
-    BTreeSet::from([0, last / 2, last]).into_iter().map(|i| &graphs[i]).collect()
-}
-
-/// Settings of all frames, in the precision that the finest view needs.
-fn settle(
-    session: &Session,
-    arguments: &Arguments,
-    graphs: &[ValidGraph],
-    asked: PrecisionArg,
-) -> Result<(RenderSettings, PrecisionArg), Failure> {
-    let (mut settings, mut precision) = (arguments.settings(asked), asked);
-    for graph in key_frames(graphs) {
-        let arena = Arc::new(Arena::default());
-        let composer = Composer { arena: &arena, library: &session.library, graph };
-        let pipeline = compose_pipeline(&composer, &settings).map_err(|diagnostic| session.failure(diagnostic))?;
-        precision = settle_precision(session, arguments, precision, &resolution(&arena, &pipeline, settings.size));
-    }
-    settings.min_difference = precision.min_difference();
-    Ok((settings, precision))
-}
-
-/// How the frames' estimates are chosen.
-enum Estimates {
-    /// The same for all: the key frames agree on method and form, and the smallest fudge and shortest step are safe for
-    /// all of them.
-    Shared(EstimateSettings),
-    /// Every frame is measured by itself.
-    Own,
+    Ok(moved)
 }
 
 /// The plans of frames that share their estimate.
@@ -245,8 +179,8 @@ struct Plans {
 }
 
 impl Plans {
-    fn of(sweep: &SweepArgs) -> Plans {
-        Plans { are_one: sweep.moves_the_view_alone(), kept: None }
+    fn of(sweep: &SweepArgs, estimates: &Estimates) -> Plans {
+        Plans { are_one: sweep.moves_the_view_alone() && matches!(estimates, Estimates::Shared(_)), kept: None }
     }
 
     /// The next frame's plan, measured where none is known.
@@ -258,29 +192,6 @@ impl Plans {
         self.kept = self.are_one.then(|| plan.clone());
         Ok(plan)
     }
-}
-
-fn estimates(
-    session: &Session,
-    arguments: &Arguments,
-    graphs: &[ValidGraph],
-    settings: &RenderSettings,
-    precision: PrecisionArg,
-) -> Result<Estimates, Failure> {
-    let mut chosen = Vec::new();
-    for graph in key_frames(graphs) {
-        let arena = Arc::new(Arena::default());
-        let calibration: Calibration =
-            choose_estimate(session, graph, &arena, &arguments.wish(graph, settings, precision))?;
-        chosen.push(calibration.chosen);
-    }
-    let first = chosen[0];
-    if chosen.iter().any(|other| (other.method, other.form) != (first.method, first.form)) {
-        return Ok(Estimates::Own);
-    }
-    let least = |of: fn(&EstimateSettings) -> Option<f64>| chosen.iter().filter_map(of).reduce(f64::min);
-    let shared = EstimateSettings { fudge: least(|s| s.fudge), least_step: least(|s| s.least_step), ..first };
-    Ok(Estimates::Shared(shared.or(settings.estimate)))
 }
 
 /// What was counted in all frames.
@@ -316,17 +227,20 @@ struct SweepJob<'a> {
     targets: Vec<Target>,
     /// The keys that the frames carry.
     keys: Vec<&'a str>,
-    quiet: bool,
     next: usize,
     counted: Counted,
 }
 
-impl Job for SweepJob<'_> {
+impl Work for SweepJob<'_> {
     type Output = Outcome;
 
-    fn run<B: Backend>(&mut self, backend: &B) -> Result<Outcome, BackendError> {
+    fn run<B: Backend>(
+        &mut self,
+        backend: &B,
+        _: &mut Kept<B>,
+        observer: &mut dyn Observer,
+    ) -> Result<Outcome, BackendError> {
         let mut renderer = FrameRenderer::new(backend, self.frames, self.settings);
-        let mut progress = Progress::new(self.quiet);
         let count = self.targets.len() as f64;
         while self.next < self.targets.len() {
             let start = Instant::now();
@@ -335,14 +249,15 @@ impl Job for SweepJob<'_> {
             let done = self.next as f64;
             let target = &self.targets[self.next];
             let file = PngFile::at(target, self.settings.size, Some(self.keys[self.next]));
-            let written = render_file(&mut frame, file, &mut |share| progress.update((done + share) / count));
+            let mut tell = |share| observer.progress(Stage::Rendering, (done + share) / count);
+            let written = render_file(&mut frame, file, &mut tell);
             if let Err(error) = written? {
                 return Ok(Err(not_written(target, &error)));
             }
             self.counted.add(&frame.stats);
             self.next += 1;
         }
-        progress.finish();
+        observer.progress(Stage::Rendering, 1.0);
         self.counted.compiled = renderer.compiled();
         self.counted.compiling = backend.compiling();
         Ok(Ok(()))
@@ -425,7 +340,8 @@ fn render_file<B: Backend>(
 #[cfg(test)]
 mod tests {
     use bulbfold::compose::{Plan, Reach};
-    use bulbfold::graph::DifferenceStep;
+    use bulbfold::engine::Estimates;
+    use bulbfold::graph::{DifferenceStep, EstimateSettings};
 
     use super::{Plans, SweepArgs};
 
@@ -455,7 +371,7 @@ mod tests {
         ] {
             let ranges = moved.iter().map(|text| text.parse().expect("a range")).collect();
             let sweep = SweepArgs { ranges, ..Default::default() };
-            let (mut plans, mut measured) = (Plans::of(&sweep), 0);
+            let (mut plans, mut measured) = (Plans::of(&sweep, &Estimates::Shared(EstimateSettings::default())), 0);
             for _ in 0..4 {
                 let plan = plans.next(|| {
                     measured += 1;

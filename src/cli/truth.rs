@@ -9,8 +9,11 @@ use bulbfold::calibrate::Budget;
 use bulbfold::check::exact::Limit;
 use bulbfold::check::truth::{End, Judgement, Ray, Scale, Truth, Truths, candidate, march_rays, view_rays};
 use bulbfold::compose::{Composer, Plan};
+use bulbfold::engine::{Observer, Request, Settling, Work};
 use bulbfold::expr::Arena;
 use bulbfold::graph::ValidGraph;
+use bulbfold::kernel::cpu::Precision;
+use bulbfold::kernel::template::Kept;
 use bulbfold::kernel::{Backend, BackendError, Kernel};
 use bulbfold::march::MarchSettings;
 use bulbfold::render::{camera_of, in_precision};
@@ -19,11 +22,8 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
 use super::arguments::{AutoArgs, BackendArg, ChangeArgs, PrecisionArg, parse_size};
-use super::backend::{Job, Wanted, run_job};
-use super::calibration::{Wish, choose_estimate};
 use super::points::read_rows;
 use super::progress::{Progress, short};
-use super::seen::seen;
 use super::session::formula_files;
 use super::{Failure, Outcome, Session, truth_table, usage};
 
@@ -113,22 +113,23 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 
 /// Walks and marches the rays of one formula.
 pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path) -> Result<Measured, Failure> {
-    let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
-    let precision = wanted.precision(PrecisionArg::F64)?;
+    let request = Request {
+        backend: arguments.backend.choice(),
+        precision: arguments.precision.map(PrecisionArg::precision),
+        ..arguments.estimate.request(arguments.size)
+    };
+    let precision = request.precision_or(Precision::F64).map_err(|error| session.failed(error))?;
     let given = arguments.rays_file.as_ref().map(|path| read_rays(path)).transpose()?;
     let graph = session.load_solid(file, &arguments.changes.changes(), "`truth`")?;
     let arena = Arc::new(Arena::default());
-    let graph = seen(session, &arena, graph, arguments.size, &arguments.estimate.estimate.settings())?;
+    let settling = Settling { library: &session.library, arena: &arena, request: &request };
+    let settled = settling.seen(graph).and_then(|graph| {
+        let plan = settling.plan(&graph)?;
+        let plan = settling.estimate(&graph, plan, precision, &mut session.watch(false))?.plan;
+        Ok((graph, plan))
+    });
+    let (graph, plan) = settled.map_err(|error| session.failed(error))?;
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
-    let wish = Wish {
-        estimate: &arguments.estimate,
-        size: arguments.size,
-        camera: None,
-        precision,
-        effort: 1.0,
-        quiet: false,
-    };
-    let plan = choose_estimate(session, &graph, &arena, &wish)?.plan;
     let camera = camera_of(&composer, &plan);
     let scale = Scale::of_view(&camera, arguments.size, plan.bounding_radius);
     let rays = given.unwrap_or_else(|| view_rays(&camera, arguments.size, arguments.rays as usize, arguments.seed));
@@ -149,7 +150,9 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
     let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, precision.min_difference());
     let march = candidate(&composer, &plan.choices, &settings).map_err(|error| session.failure(error))?;
     let mut job = MarchJob { arena: &arena, march: &march, rays: &truths.rays, radius: scale.bounding_radius };
-    let (backend, ends) = run_job(session, arguments.backend, precision, &mut job)?;
+    let backends = session.engine.backends();
+    let done = backends.run(request.backend, precision, &mut job, &mut session.watch(false));
+    let (backend, ends) = done.map_err(|error| session.failed(error))?;
     let is_view = arguments.rays_file.is_none();
     Ok(Measured { graph, plan, truths, ends, backend, time, is_view })
 }
@@ -173,10 +176,15 @@ struct MarchJob<'a> {
     radius: f64,
 }
 
-impl Job for MarchJob<'_> {
+impl Work for MarchJob<'_> {
     type Output = Vec<End>;
 
-    fn run<B: Backend>(&mut self, backend: &B) -> Result<Vec<End>, BackendError> {
+    fn run<B: Backend>(
+        &mut self,
+        backend: &B,
+        _: &mut Kept<B>,
+        _: &mut dyn Observer,
+    ) -> Result<Vec<End>, BackendError> {
         march_rays(backend, self.arena, self.march, self.rays, self.radius)
     }
 }

@@ -2,20 +2,20 @@
 
 use bulbfold::check::truth::Truths;
 use bulbfold::compose::Composer;
+use bulbfold::engine::{Composed, Job, Observer, Stage, Work};
 use bulbfold::expr::Arena;
 use bulbfold::film::Image;
+use bulbfold::kernel::template::Kept;
 use bulbfold::kernel::{Backend, BackendError};
-use bulbfold::render::{Pipeline, RenderSettings};
+use bulbfold::render::Pipeline;
 use bulbfold::shade::Size;
 use bulbfold::view::{Marched, Shown, View, ViewKernels, find_truths, show};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 
-use super::arguments::{BackendArg, PrecisionArg};
-use super::backend::{Job, run_job};
-use super::progress::Progress;
 use super::session::talk;
 use super::stats::estimate_rows;
+use super::watch::Watch;
 use super::{Failure, Session};
 
 /// A view as a flag's value.
@@ -51,49 +51,35 @@ impl ViewArg {
     }
 }
 
-/// What is rendered, and how.
-pub struct Request<'a> {
-    /// Which view.
-    pub view: View,
-    /// The fractal.
-    pub composer: Composer<'a>,
-    /// Its kernels.
-    pub pipeline: &'a Pipeline,
-    /// Size and estimate.
-    pub settings: &'a RenderSettings,
-    /// Where the march runs.
-    pub backend: BackendArg,
-    /// Its precision.
-    pub precision: PrecisionArg,
-    /// Whether progress is kept back.
-    pub quiet: bool,
-    /// Whether the numbers are printed.
-    pub stats: bool,
-}
-
-/// Renders a view with its legend.
-pub fn render(session: &Session, request: &Request) -> Result<Image, Failure> {
-    let Request { view, composer, pipeline, settings, .. } = *request;
+/// Renders a view of a picture, with its legend.
+pub fn render(session: &Session, view: View, job: &Job, (quiet, stats): (bool, bool)) -> Result<Image, Failure> {
+    let failed = |error| session.failed(error);
+    let Composed { arena, graph, pipeline, .. } = &**job.composed().map_err(failed)?;
+    let composer = Composer { arena, library: job.formula.library(), graph };
     let kernels = ViewKernels::new(&composer, pipeline, view).map_err(|error| session.failure(error))?;
+    let mut watch = session.watch(quiet);
     let truths = match view {
-        View::Error => Some(walk(session, request)?),
+        View::Error => Some(walk(session, &composer, (pipeline, job.size()), &mut watch)?),
         _ => None,
     };
-    let mut job = ViewJob { kernels: &kernels, arena: composer.arena, size: settings.size, quiet: request.quiet };
-    let (backend, marched) = run_job(session, request.backend, request.precision, &mut job)?;
+    let mut work = ViewWork { kernels: &kernels, arena, size: job.size() };
+    let done = session.engine.backends().run(job.request.backend, job.precision, &mut work, &mut watch);
+    let (backend, marched) = done.map_err(failed)?;
     let shown = show(view, &composer, pipeline, &marched, truths.as_ref());
-    if request.stats {
+    if stats {
         print(&backend, pipeline, &shown);
     }
     Ok(shown.image())
 }
 
 /// Finds the truth of all pixels' rays.
-fn walk(session: &Session, request: &Request) -> Result<Truths, Failure> {
-    let mut progress = Progress::new(request.quiet);
-    let size = request.settings.size;
-    let truths = find_truths(&request.composer, request.pipeline, size, &mut |share| progress.update(share));
-    progress.finish();
+fn walk(
+    session: &Session,
+    composer: &Composer,
+    (pipeline, size): (&Pipeline, Size),
+    watch: &mut Watch,
+) -> Result<Truths, Failure> {
+    let truths = find_truths(composer, pipeline, size, &mut |share| watch.progress(Stage::Calibrating, share));
     truths.map_err(|error| session.failure(error))
 }
 
@@ -107,20 +93,24 @@ fn print(backend: &str, pipeline: &Pipeline, shown: &Shown) {
     }
 }
 
-struct ViewJob<'a> {
+struct ViewWork<'a> {
     kernels: &'a ViewKernels<'a>,
     arena: &'a Arena,
     size: Size,
-    quiet: bool,
 }
 
-impl Job for ViewJob<'_> {
+impl Work for ViewWork<'_> {
     type Output = Marched;
 
-    fn run<B: Backend>(&mut self, backend: &B) -> Result<Marched, BackendError> {
-        let mut progress = Progress::new(self.quiet);
-        let marched = self.kernels.run(backend, self.arena, self.size, &mut |share| progress.update(share));
-        progress.finish();
+    fn run<B: Backend>(
+        &mut self,
+        backend: &B,
+        _: &mut Kept<B>,
+        observer: &mut dyn Observer,
+    ) -> Result<Marched, BackendError> {
+        let mut tell = |share| observer.progress(Stage::Rendering, share);
+        let marched = self.kernels.run(backend, self.arena, self.size, &mut tell);
+        tell(1.0);
         marched
     }
 }

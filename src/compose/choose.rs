@@ -1,6 +1,8 @@
 //! Which method, form, radius and step multiplier an orbit gets: what its file or the command line fixes, else by the
 //! design's rules and two measurements in f64, growth far out and extent.
 
+use serde::{Deserialize, Serialize};
+
 use super::maps::{scalar_rules, steps_of};
 use super::measure::{measure_extent, measure_growth, measure_tightness};
 use super::nearby::{measure_ends, measure_stops};
@@ -13,7 +15,7 @@ use crate::graph::{
 };
 
 /// How distances are estimated from one orbit.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Choice {
     /// Method.
     pub method: Method,
@@ -74,7 +76,7 @@ impl Default for Choice {
 }
 
 /// Choices for all orbits of a field, and its extent.
-#[derive(Clone, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Plan {
     /// One for each of [`field_orbits`].
     pub choices: Vec<Choice>,

@@ -13,6 +13,8 @@
 //!
 //! All points are those of fixed sequences: the answer is a function of the graph.
 
+use serde::{Deserialize, Serialize};
+
 use super::choose::UNIT_F64;
 use super::measure::run_prepared;
 use super::placement::Frame;
@@ -23,7 +25,7 @@ use crate::kernel::work::Work;
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
 
 /// How a bounding radius is known.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Reach {
     /// The file states it.
     Stated,

@@ -153,6 +153,11 @@ impl Image {
         }
     }
 
+    /// Four bytes a pixel: red, green, blue and 255.
+    pub fn rgba(&self) -> Vec<u8> {
+        self.rgb.chunks_exact(3).flat_map(|rgb| [rgb[0], rgb[1], rgb[2], 255]).collect()
+    }
+
     /// Writes a PNG, whole or not at all.
     pub fn write_png(&self, path: &Path) -> std::io::Result<()> {
         self.write_png_to(&Target::of(path)?)

@@ -180,7 +180,8 @@ impl Library {
         &self.inputs
     }
 
-    fn add_step_text(&mut self, file: &Path, text: String, diagnostics: &mut Diagnostics) {
+    /// Reads a step from its text; the file's name names it.
+    pub fn add_step_text(&mut self, file: &Path, text: String, diagnostics: &mut Diagnostics) {
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         self.inputs.extend(FileId::of(file));
         if let Some(known) = self.steps.get(&name) {

@@ -1,5 +1,7 @@
 //! How orbits are iterated and pictures are taken: the settings of a fractal file.
 
+use serde::{Deserialize, Serialize};
+
 use super::NodeRef;
 use super::escape::Escape;
 use crate::diag::Span;
@@ -37,7 +39,7 @@ impl Constant {
 }
 
 /// How a distance is estimated from an orbit.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, PartialOrd, Ord)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Method {
     /// The steps' own rules composed.
     Scalar,
@@ -145,7 +147,7 @@ impl Method {
 }
 
 /// How the end state and its derivative become a distance.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
 pub enum DeForm {
     /// `(r - radius) / dr`, for orbits that grow by a factor.
     Linear,
@@ -194,7 +196,7 @@ impl DeForm {
 }
 
 /// What finite differences are taken of.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Serialize, Deserialize)]
 pub enum Difference {
     /// r.
     R,
@@ -219,7 +221,7 @@ impl Difference {
 }
 
 /// The step of finite differences, before the precision's least step.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum DifferenceStep {
     /// A share of the last estimate.
     Share(f64),
@@ -256,7 +258,7 @@ pub const LEAST_STEP: f64 = 0.25;
 pub const LEAST_STEP_OF_PROOFS: f64 = 1.0 / 128.0;
 
 /// The estimate below which a ray stops.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum StopAt {
     /// In pixels, from 0.001 to 100: it grows with the distance.
     Pixels(f64),
@@ -285,7 +287,7 @@ impl StopAt {
 }
 
 /// What a file fixes about the estimate; `None` is chosen automatically.
-#[derive(Clone, Copy, PartialEq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
 pub struct EstimateSettings {
     /// Method.
     pub method: Option<Method>,
@@ -313,7 +315,7 @@ pub struct EstimateSettings {
 }
 
 /// What a choice of an estimate goes for besides the error budget.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub enum Quality {
     /// Steps that are proven, at any price.
     Proof,
@@ -456,7 +458,7 @@ impl OrbitSettings {
 }
 
 /// A perspective camera.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Camera {
     /// Position in world units.
     pub position: [f64; 3],

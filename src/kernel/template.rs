@@ -33,7 +33,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::{Estimator, Kernel, March, Orbit};
+use super::{Backend, BackendError, Estimator, Kernel, March, Orbit};
 use crate::expr::ops::Operator;
 use crate::expr::{Arena, Function, Node, NodeId, Op};
 
@@ -106,6 +106,121 @@ impl Templates {
             Family { arena: gathered.arena.clone(), kernel }
         };
         Joined { families: self.gathered.iter().zip(&columns).map(family).collect(), frames }
+    }
+}
+
+/// Most kernels of one name that are kept.
+const MOST_KEPT: usize = 8;
+
+/// Prepared kernels that are kept for others of the same structure, whose numbers are not known beforehand.
+///
+/// A number that has been the same in all kernels of a structure is a constant. When one moves, the kernel is compiled again with a
+/// uniform in its place; from then on it moves without compiling.
+pub struct Kept<B: Backend> {
+    is_keeping: bool,
+    kernels: HashMap<&'static str, Vec<KeptKernel<B::Prepared>>>,
+    compiled: usize,
+}
+
+/// A kernel that is kept.
+struct KeptKernel<P> {
+    arena: Arc<Arena>,
+    kernel: Kernel,
+    /// Structure and numbers of `kernel`; found when there is something to compare them with.
+    shape: Option<Shape>,
+    /// Which numbers have moved.
+    moves: Vec<bool>,
+    prepared: P,
+}
+
+impl<B: Backend> Default for Kept<B> {
+    /// Keeps nothing: for work that is done once.
+    fn default() -> Kept<B> {
+        Kept { is_keeping: false, kernels: HashMap::new(), compiled: 0 }
+    }
+}
+
+impl<B: Backend> Kept<B> {
+    /// Keeps what it prepares.
+    pub fn keeping() -> Kept<B> {
+        Kept { is_keeping: true, ..Kept::default() }
+    }
+
+    /// Kernels that were compiled so far.
+    pub fn compiled(&self) -> usize {
+        self.compiled
+    }
+
+    /// Drops all kernels: the device is another one.
+    pub fn forget(&mut self) {
+        self.kernels.clear();
+    }
+
+    /// A kernel ready to run, compiled only where no kept one of this name serves.
+    pub fn prepare(
+        &mut self,
+        backend: &B,
+        name: &'static str,
+        arena: &Arc<Arena>,
+        kernel: &Kernel,
+    ) -> Result<B::Prepared, BackendError> {
+        if !self.is_keeping {
+            self.compiled += 1;
+            return backend.prepare(arena, kernel);
+        }
+        let known = self.kernels.entry(name).or_default();
+        let shape = (!known.is_empty()).then(|| Shape::new(arena, kernel));
+        if let Some(shape) = &shape
+            && let Some(at) = known.iter_mut().position(|kept| kept.shape().key == shape.key)
+        {
+            // The one that was used last is the last to go.
+            let kept = known.remove(at);
+            known.push(kept);
+            let kept = known.last_mut().expect("it was pushed");
+            self.compiled += usize::from(kept.follow(backend, &shape.numbers)?);
+            return backend.bind(&kept.prepared, &kept.uniforms(&shape.numbers));
+        }
+        self.compiled += 1;
+        let prepared = backend.prepare(arena, kernel)?;
+        let bound = backend.bind(&prepared, &[])?;
+        if known.len() == MOST_KEPT {
+            known.remove(0);
+        }
+        known.push(KeptKernel { arena: arena.clone(), kernel: kernel.clone(), shape, moves: Vec::new(), prepared });
+        Ok(bound)
+    }
+}
+
+impl<P> KeptKernel<P> {
+    fn shape(&mut self) -> &Shape {
+        self.shape.get_or_insert_with(|| Shape::new(&self.arena, &self.kernel))
+    }
+
+    /// Compiles the kernel again where numbers differ from its own that have not moved before; true where it did.
+    fn follow<B: Backend<Prepared = P>>(&mut self, backend: &B, numbers: &[f64]) -> Result<bool, BackendError> {
+        let own = self.shape().numbers.clone();
+        self.moves.resize(own.len(), false);
+        let differs = |at: usize| own[at].to_bits() != numbers[at].to_bits();
+        let new: Vec<usize> = (0..own.len()).filter(|&at| differs(at) && !self.moves[at]).collect();
+        if new.is_empty() {
+            return Ok(false);
+        }
+        new.into_iter().for_each(|at| self.moves[at] = true);
+        let mut next = 0;
+        let number = |&moves: &bool| {
+            moves.then(|| {
+                next += 1;
+                next - 1
+            })
+        };
+        let uniforms: Vec<Option<u16>> = self.moves.iter().map(number).collect();
+        self.prepared = backend.prepare(&self.arena, &with_uniforms(&self.arena, &self.kernel, &uniforms))?;
+        Ok(true)
+    }
+
+    /// The numbers that move.
+    fn uniforms(&self, numbers: &[f64]) -> Vec<f64> {
+        self.moves.iter().zip(numbers).filter(|(moves, _)| **moves).map(|(_, x)| *x).collect()
     }
 }
 

@@ -5,6 +5,8 @@
 
 use glam::DVec3;
 
+use serde::{Deserialize, Serialize};
+
 use crate::compose::{
     Bounds, ComposeResult, Composer, FieldOrbit, Plan, Purpose, Reach, compose_estimator, field_orbits,
 };
@@ -197,7 +199,7 @@ const FEW: usize = 20;
 const UNTOLD: u32 = 20;
 
 /// Iterations of a view, for the orbits whose limit follows it.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Iterations {
     /// Growths of the first limit.
     rounds: Option<u32>,

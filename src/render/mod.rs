@@ -23,12 +23,14 @@ pub use pipeline::{Pipeline, Shape, compose_pipeline, compose_planned, in_precis
 pub use renderer::{Cut, Renderer};
 pub use stats::Stats;
 
+use serde::{Deserialize, Serialize};
+
 use crate::graph::EstimateSettings;
 use crate::march::MIN_DIFFERENCE_F32;
 use crate::shade::Size;
 
 /// Which pixels get all their samples.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum Sampling {
     /// Those whose centre differs from their neighbours'; the others are seen through their centre alone.
     #[default]

@@ -1,5 +1,6 @@
 //! A picture in bands: the first pass over each, what has to be refined, and the second pass.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -48,9 +49,19 @@ impl<B: Backend> Renderer<'_, B> {
         sink: &mut dyn FnMut(Vec<u8>) -> bool,
         progress: &mut Progress,
     ) -> Result<bool, BackendError> {
+        self.render_rows_of(first..self.size.height, sink, progress)
+    }
+
+    /// [`Renderer::render_rows`] of these rows alone, which are the same as those of the whole picture.
+    pub fn render_rows_of(
+        &mut self,
+        rows: Range<u32>,
+        sink: &mut dyn FnMut(Vec<u8>) -> bool,
+        progress: &mut Progress,
+    ) -> Result<bool, BackendError> {
         let start = Instant::now();
         let mut stats = self.stats.clone();
-        let done = self.bands(first, sink, progress, &mut stats);
+        let done = self.bands(rows, sink, progress, &mut stats);
         stats.render = start.elapsed();
         self.stats = stats;
         match done {
@@ -62,19 +73,20 @@ impl<B: Backend> Renderer<'_, B> {
 
     fn bands(
         &self,
-        first: u32,
+        rows: Range<u32>,
         sink: &mut dyn FnMut(Vec<u8>) -> bool,
         progress: &mut Progress,
         stats: &mut Stats,
     ) -> Result<(), Halt> {
         let (width, height) = (self.size.width, self.size.height);
-        let left = f64::from(height.saturating_sub(first));
+        let (first, end) = (rows.start, rows.end.min(height));
+        let left = f64::from(end.saturating_sub(first));
         let meter = Meter::new(progress, f64::from(width) * left, self.samples.len());
         // Rows of a band, and those above and below it.
         let most = if self.samples.len() > 1 { height.min(self.cut.band.saturating_add(2)) } else { 0 };
         let mut seen = Seen::new(width, first.saturating_sub(1), most);
-        for y in (first..height).step_by(self.cut.band as usize) {
-            let band = Tile { x: 0, y, width, height: self.cut.band.min(height - y) };
+        for y in (first..end).step_by(self.cut.band as usize) {
+            let band = Tile { x: 0, y, width, height: self.cut.band.min(end - y) };
             let rgb = match self.samples.len() {
                 1 => self.only_pass(band, &meter, stats)?,
                 _ => self.both_passes(band, &mut seen, &meter, stats)?,

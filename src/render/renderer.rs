@@ -8,7 +8,7 @@ use super::pixels::Pixels;
 use super::stats::column;
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
 use crate::film::{Tile, Window};
-use crate::kernel::{Backend, BackendError, Batch, Results, Status, Wanted};
+use crate::kernel::{Backend, BackendError, Batch, Kernel, Results, Status, Wanted};
 use crate::shade::Size;
 
 /// How a picture is cut. Nothing of it shows in the picture.
@@ -105,10 +105,21 @@ impl<'b, B: Backend> Renderer<'b, B> {
         pipeline: &Pipeline,
         settings: &RenderSettings,
     ) -> Result<Self, BackendError> {
+        Renderer::with(backend, arena, pipeline, settings, |_, kernel| backend.prepare(arena, kernel))
+    }
+
+    /// The same with kernels that `prepare` makes ready.
+    pub fn with(
+        backend: &'b B,
+        arena: &crate::expr::Arena,
+        pipeline: &Pipeline,
+        settings: &RenderSettings,
+        mut prepare: impl FnMut(&'static str, &Kernel) -> Result<B::Prepared, BackendError>,
+    ) -> Result<Self, BackendError> {
         let kernels = pipeline.kernels();
         let prepare = |name: &str| {
             let kernel = kernels.iter().find(|(known, _)| *known == name);
-            kernel.map(|(_, kernel)| backend.prepare(arena, kernel)).transpose()
+            kernel.map(|(name, kernel)| prepare(name, kernel)).transpose()
         };
         let mut shape = pipeline.shape();
         let start = Instant::now();

@@ -10,13 +10,15 @@ pub(crate) use colour::sun_direction;
 pub use colour::{compose_colour, compose_encode};
 pub use plane::{compose_plane_camera, compose_plane_colour, compose_plane_point, facing, pixel_size};
 
+use serde::{Deserialize, Serialize};
+
 use crate::compose::{Bounds, Sides};
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::{Camera, Look};
 use crate::kernel::{Status, march_output_ports, ray_ports};
 
 /// Picture geometry.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
 pub struct Size {
     /// Columns.
     pub width: u32,

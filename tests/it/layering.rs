@@ -23,6 +23,7 @@ const ORDER: &[&str] = &[
     "exchange",
     "check",
     "calibrate",
+    "engine",
     "chart",
     "view",
     "cli",

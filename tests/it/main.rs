@@ -18,6 +18,7 @@ mod cost;
 mod diagnostics;
 mod docs;
 mod end_shapes;
+mod engine;
 mod estimate_settings;
 mod exchange;
 mod expressions;

@@ -1,5 +1,7 @@
 //! Marches compared with the truth.
 
+use serde::{Deserialize, Serialize};
+
 use super::stops::{EARLY, EARLY_FOOTPRINTS};
 use super::{Ray, Scale, Truth, Truths, point, ray_columns, view_rays};
 use crate::check::formula::rendered;
@@ -41,7 +43,7 @@ impl End {
 }
 
 /// Errors that a march may make. Shares are from 0 to 1.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub struct Budget {
     /// Share of the hits that may be missed, or met more than two footprints behind.
     pub missed: f64,

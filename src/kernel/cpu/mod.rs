@@ -35,12 +35,30 @@ const WIDE: usize = 4;
 const GROUP: usize = 4096;
 
 /// Precision of the CPU back end.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, serde::Serialize, serde::Deserialize)]
 pub enum Precision {
     /// Wide single precision.
     F32,
     /// Scalar double precision.
     F64,
+}
+
+impl Precision {
+    /// The name in flags.
+    pub fn name(self) -> &'static str {
+        match self {
+            Precision::F32 => "f32",
+            Precision::F64 => "f64",
+        }
+    }
+
+    /// Least step of finite differences, as a part of the largest coordinate.
+    pub fn min_difference(self) -> f64 {
+        match self {
+            Precision::F32 => 1e-5,
+            Precision::F64 => 1e-8,
+        }
+    }
 }
 
 /// The CPU back end.

@@ -1,0 +1,162 @@
+//! The front door: from a formula to a picture, as the program makes it.
+//!
+//! In comes a [`Formula`] and a [`Request`], plain data. [`Engine::settle`] chooses what nobody stated (camera, iterations,
+//! precision, estimate) and gives a [`Job`], which can be sent to another machine. [`Engine::render`] computes rows of it into
+//! a [`Sink`] and tells an [`Observer`]; [`Engine::start`] does it on a thread of its own, which can be cancelled.
+//!
+//! ```
+//! use bulbfold::engine::{Engine, Request};
+//! use bulbfold::shade::Size;
+//!
+//! let engine = Engine::new();
+//! let formula = engine.open("mandelbulb")?;
+//! let request = Request { size: Size { width: 32, height: 24 }, ..Request::default() };
+//! let image = engine.picture(&formula, &request, &mut ())?;
+//! assert_eq!(image.rgb.len(), 32 * 24 * 3);
+//! # Ok::<(), bulbfold::engine::Error>(())
+//! ```
+
+mod animation;
+mod backend;
+mod error;
+mod job;
+mod observer;
+mod request;
+mod running;
+mod settle;
+mod sink;
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+pub use animation::{Animation, Estimates, Frame};
+pub use backend::{Backends, Work};
+pub use error::{Error, FormulaMessages};
+pub use job::{Composed, Job};
+pub use observer::{Cancel, Observer, Stage};
+pub use request::{BackendChoice, CameraChange, Request};
+pub use running::{Done, Running};
+pub use settle::{Settled, Settling, Viewed};
+pub use sink::Sink;
+
+pub use crate::check::Formula;
+use crate::diag::Diagnostics;
+use crate::expr::Arena;
+use crate::film::Image;
+use crate::formula::library::Library;
+#[cfg(feature = "gpu")]
+use crate::kernel::gpu::Gpu;
+use crate::load::{Loaded, load, load_text};
+
+/// Steps, back ends and the kernels that they have compiled. Threads may share it.
+pub struct Engine {
+    library: Library,
+    backends: Backends,
+}
+
+impl Default for Engine {
+    fn default() -> Engine {
+        Engine::new()
+    }
+}
+
+impl Engine {
+    /// An engine with the built-in steps. A GPU is opened when work first asks for one.
+    pub fn new() -> Engine {
+        Engine { library: Library::builtin(), backends: Backends::default() }
+    }
+
+    /// An engine that reads the steps (`*.rhai`) of these folders too.
+    ///
+    /// Errors: [`Error::Formula`] where one of them is broken.
+    pub fn with_steps(folders: &[PathBuf]) -> Result<Engine, Error> {
+        let (mut library, mut messages) = (Library::builtin(), Diagnostics::default());
+        folders.iter().for_each(|folder| library.add_folder(folder, &mut messages));
+        match messages.has_errors() {
+            true => Err(Error::Formula(Box::new(FormulaMessages { messages, sources: library.sources }))),
+            false => Ok(Engine { library, backends: Backends::default() }),
+        }
+    }
+
+    /// The engine with a device that its caller has opened.
+    #[cfg(feature = "gpu")]
+    #[must_use]
+    pub fn with_gpu(self, gpu: Gpu) -> Engine {
+        Engine { backends: Backends::with_gpu(gpu), ..self }
+    }
+
+    /// The engine as a program wants it that renders again and again: kernels are kept. A job whose numbers alone differ from those of
+    /// an earlier one compiles its kernels once more the first time that a number moves, and then none.
+    #[must_use]
+    pub fn keeping_kernels(mut self) -> Engine {
+        self.backends.keep_kernels();
+        self
+    }
+
+    /// Opens a formula: the path of a file, or the name of a built-in fractal where there is no such file.
+    ///
+    /// Errors: [`Error::Formula`], whose messages have file, line and column.
+    pub fn open(&self, what: impl AsRef<Path>) -> Result<Arc<Formula>, Error> {
+        self.open_with(what, &[])
+    }
+
+    /// Opens a formula with some of its values changed: pairs of a path such as `power` and a value in RON.
+    pub fn open_with(&self, what: impl AsRef<Path>, set: &[(String, String)]) -> Result<Arc<Formula>, Error> {
+        self.load(|library, messages| load(library, what, set, messages))
+    }
+
+    /// Reads a formula from its text; the file name tells RON (`.ron`) from scripts (`.rhai`), and its stem names the fractal.
+    pub fn read(&self, name: &str, text: &str, set: &[(String, String)]) -> Result<Arc<Formula>, Error> {
+        self.load(|library, messages| load_text(library, name, text, set, messages))
+    }
+
+    fn load(&self, read: impl FnOnce(&mut Library, &mut Diagnostics) -> Option<Loaded>) -> Result<Arc<Formula>, Error> {
+        let (mut library, mut messages) = (self.library.clone(), Diagnostics::default());
+        match read(&mut library, &mut messages).filter(|_| !messages.has_errors()) {
+            Some(loaded) => Ok(Arc::new(Formula::of(library, loaded))),
+            None => Err(Error::Formula(Box::new(FormulaMessages { messages, sources: library.sources }))),
+        }
+    }
+
+    /// Settles what the picture needs and nobody stated.
+    ///
+    /// Errors: [`Error::Formula`], [`Error::Request`].
+    pub fn settle(&self, formula: &Arc<Formula>, request: &Request, observer: &mut dyn Observer) -> Result<Job, Error> {
+        let arena = Arc::new(Arena::default());
+        let settling = Settling { library: formula.library(), arena: &arena, request };
+        let settled = settling.all(formula.graph().clone(), observer)?;
+        Ok(Job::new(formula.clone(), request.clone(), settled))
+    }
+
+    /// Renders rows of a job into a sink, from the top. The rows are the same as those of the whole picture, on whatever machine.
+    ///
+    /// Errors: [`Error::Formula`], [`Error::Backend`], [`Error::Sink`], and [`Error::Cancelled`] where the observer ends it.
+    pub fn render(
+        &self,
+        job: &Job,
+        rows: Range<u32>,
+        sink: &mut dyn Sink,
+        observer: &mut dyn Observer,
+    ) -> Result<Done, Error> {
+        running::render(&self.backends, job, rows, sink, observer)
+    }
+
+    /// Settles and renders a whole picture into memory.
+    pub fn picture(
+        &self,
+        formula: &Arc<Formula>,
+        request: &Request,
+        observer: &mut dyn Observer,
+    ) -> Result<Image, Error> {
+        let job = self.settle(formula, request, observer)?;
+        let mut image = Image { size: request.size, rgb: Vec::new() };
+        self.render(&job, job.rows(), &mut image, observer)?;
+        Ok(image)
+    }
+
+    /// The back ends, for work of other kinds.
+    pub fn backends(&self) -> &Backends {
+        &self.backends
+    }
+}

@@ -1,0 +1,152 @@
+//! What is wanted of a picture: plain data.
+
+use serde::{Deserialize, Serialize};
+
+use super::Error;
+use crate::check::truth::Budget;
+use crate::graph::{Camera, EstimateSettings};
+use crate::kernel::cpu::Precision;
+use crate::render::{RenderSettings, Sampling};
+use crate::shade::{CameraFrame, Size, turned};
+
+/// Where kernels run.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
+pub enum BackendChoice {
+    /// A hardware GPU if there is one, else the CPU.
+    #[default]
+    Auto,
+    /// The embedded CPU back end.
+    Cpu,
+    /// Any GPU adapter, also one in software.
+    Gpu,
+}
+
+/// What replaces parts of a fractal's camera; what is `None` stays as it is.
+#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
+pub struct CameraChange {
+    /// Position, in world units.
+    pub position: Option<[f64; 3]>,
+    /// The point in the middle of the picture.
+    pub target: Option<[f64; 3]>,
+    /// Roughly upwards.
+    pub up: Option<[f64; 3]>,
+    /// Angle from the bottom to the top of the picture, in radians.
+    pub fov: Option<f64>,
+    /// Angle of a turn around the target about the up direction, in radians, after all else.
+    pub turn: Option<f64>,
+}
+
+impl CameraChange {
+    /// True where nothing changes.
+    pub fn is_empty(&self) -> bool {
+        *self == CameraChange::default()
+    }
+
+    /// The camera after the change.
+    ///
+    /// Errors: [`Error::Request`] where position, target and up direction lie on one line.
+    pub fn apply(&self, base: Camera) -> Result<Camera, Error> {
+        let mut camera = Camera {
+            position: self.position.unwrap_or(base.position),
+            target: self.target.unwrap_or(base.target),
+            up: self.up.unwrap_or(base.up),
+            fov: self.fov.unwrap_or(base.fov),
+        };
+        if let Some(angle) = self.turn {
+            camera = turned(&camera, angle);
+        }
+        let frame = CameraFrame::new(&camera);
+        if [frame.right, frame.up, frame.forward].iter().flatten().all(|x| x.is_finite()) {
+            return Ok(camera);
+        }
+        let help = "move --camera away from --target, or choose another --up";
+        Err(Error::request("the camera's position, target and up direction lie on one line", help))
+    }
+}
+
+/// What is wanted of a picture; the rest is chosen.
+#[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Request {
+    /// Columns and rows.
+    pub size: Size,
+    /// Samples along each edge of a pixel that gets all of them, from 1 to 16.
+    pub samples: u32,
+    /// Which pixels do.
+    pub sampling: Sampling,
+    /// What replaces parts of the fractal's camera.
+    pub camera: CameraChange,
+    /// Where it is computed.
+    pub backend: BackendChoice,
+    /// Precision; `None` takes single precision where the view's pixels are coarse enough for it, else double.
+    pub precision: Option<Precision>,
+    /// What is fixed of the distance estimate.
+    pub estimate: EstimateSettings,
+    /// Whether the rest of it is measured on the view, or chosen by rules.
+    pub calibrate: bool,
+    /// Errors that are allowed.
+    pub budget: Budget,
+    /// How much a calibration may compute, as a multiple of what is usual.
+    pub effort: f64,
+    /// Every ray is marched by itself, by steps no longer than an estimate, and every orbit runs to its end: what the
+    /// short cuts are compared with.
+    pub exact_rays: bool,
+}
+
+impl Default for Request {
+    /// What `bulbfold render` makes where nothing else is asked of it.
+    fn default() -> Request {
+        Request {
+            size: Size { width: 1280, height: 720 },
+            samples: 2,
+            sampling: Sampling::default(),
+            camera: CameraChange::default(),
+            backend: BackendChoice::default(),
+            precision: None,
+            estimate: EstimateSettings::default(),
+            calibrate: true,
+            budget: Budget::default(),
+            effort: 1.0,
+            exact_rays: false,
+        }
+    }
+}
+
+impl Request {
+    /// The precision that a picture begins with.
+    ///
+    /// Errors: [`Error::Request`] where a GPU is asked for double precision.
+    pub fn first_precision(&self) -> Result<Precision, Error> {
+        self.precision_or(Precision::F32)
+    }
+
+    /// The precision that is asked for, else this one where the back end has it.
+    ///
+    /// Errors: [`Error::Request`] where a GPU is asked for double precision.
+    pub fn precision_or(&self, default: Precision) -> Result<Precision, Error> {
+        match (self.backend, self.precision) {
+            (BackendChoice::Gpu, Some(Precision::F64)) => {
+                let help = "drop one of them: `--precision f64` runs on the CPU";
+                Err(Error::request(
+                    "GPUs compute in f32: `--backend gpu` and `--precision f64` exclude each other",
+                    help,
+                ))
+            }
+            (BackendChoice::Gpu, None) => Ok(Precision::F32),
+            (_, given) => Ok(given.unwrap_or(default)),
+        }
+    }
+
+    /// The settings of a render in a precision.
+    pub fn settings(&self, precision: Precision) -> RenderSettings {
+        RenderSettings {
+            size: self.size,
+            samples: self.samples,
+            sampling: self.sampling,
+            min_difference: precision.min_difference(),
+            estimate: self.estimate,
+            plain: self.exact_rays,
+            ..RenderSettings::default()
+        }
+    }
+}
