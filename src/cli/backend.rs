@@ -1,11 +1,13 @@
 //! Which back end does the work: the only place of the program that opens a GPU.
 
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
+
 #[cfg(feature = "gpu")]
 use bulbfold::kernel::gpu::{AdapterInfoLine, AdapterWanted, Gpu, adapters};
 use bulbfold::kernel::{Backend, BackendError};
+use bulbfold::math::Precision;
 
-use super::arguments::{BackendArg, PrecisionArg};
+use super::arguments::BackendArg;
 use super::session::talk;
 use super::{Failure, Session, message, usage};
 
@@ -29,18 +31,18 @@ pub struct Wanted {
     /// Which one.
     pub backend: BackendArg,
     /// Precision, where it was given.
-    pub precision: Option<PrecisionArg>,
+    pub precision: Option<Precision>,
 }
 
 impl Wanted {
     /// The precision in effect, where nothing else is asked `default`.
-    pub fn precision(self, default: PrecisionArg) -> Result<PrecisionArg, Failure> {
+    pub fn precision(self, default: Precision) -> Result<Precision, Failure> {
         match (self.backend, self.precision) {
-            (BackendArg::Gpu, Some(PrecisionArg::F64)) => {
+            (BackendArg::Gpu, Some(Precision::F64)) => {
                 let help = "drop one of them: `--precision f64` runs on the CPU";
                 Err(usage("GPUs compute in f32: `--backend gpu` and `--precision f64` exclude each other", help))
             }
-            (BackendArg::Gpu, None) => Ok(PrecisionArg::F32),
+            (BackendArg::Gpu, None) => Ok(Precision::F32),
             (_, given) => Ok(given.unwrap_or(default)),
         }
     }
@@ -51,10 +53,10 @@ impl Wanted {
 pub fn run_job<J: Job>(
     session: &Session,
     wanted: BackendArg,
-    precision: PrecisionArg,
+    precision: Precision,
     job: &mut J,
 ) -> Result<(String, J::Output), Failure> {
-    if wanted != BackendArg::Cpu && precision == PrecisionArg::F32 {
+    if wanted != BackendArg::Cpu && precision == Precision::F32 {
         match run_on_gpu(wanted, job) {
             Some(Ok(done)) => return Ok(done),
             Some(Err(error)) if wanted == BackendArg::Gpu => {
@@ -67,7 +69,7 @@ pub fn run_job<J: Job>(
             None => {}
         }
     }
-    let cpu = Cpu::new(precision.cpu());
+    let cpu = Cpu::new(precision);
     let output = job.run(&cpu).map_err(|error| Failure::Work(message(&error.to_string(), "")))?;
     Ok((cpu.description(), output))
 }

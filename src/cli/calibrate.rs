@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use bulbfold::expr::Arena;
+use bulbfold::math::Precision;
 use bulbfold::shade::Size;
 use clap::Args;
 
-use super::arguments::{AutoArgs, ChangeArgs, PrecisionArg, parse_positive, parse_size};
+use super::arguments::{AutoArgs, ChangeArgs, parse_positive, parse_size, precision_parser};
 use super::calibrate_write;
 use super::calibration::{Wish, choose_estimate, json, pasted, table};
 use super::seen::seen;
@@ -52,8 +53,8 @@ pub struct Arguments {
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
     pub(super) size: Size,
     /// Precision that candidates march in
-    #[arg(long, value_enum, default_value_t = PrecisionArg::F32)]
-    precision: PrecisionArg,
+    #[arg(long, value_parser = precision_parser(), default_value_t = Precision::F32)]
+    precision: Precision,
     #[command(flatten)]
     pub(super) estimate: AutoArgs,
     /// Print one JSON object for each formula, a line each, instead of tables

@@ -5,14 +5,15 @@ use std::sync::Arc;
 
 use bulbfold::calibrate::written::calibrated;
 use bulbfold::calibrate::{Budget, Calibration, Options, Origin, Row, Verdict, cache, calibrate, camera_of};
-use bulbfold::check::{Subject, Target};
+use bulbfold::check::Subject;
 use bulbfold::compose::{Composer, choose};
 use bulbfold::expr::Arena;
 use bulbfold::graph::{Camera, Method, ValidGraph};
+use bulbfold::math::Precision;
 use bulbfold::shade::Size;
 use serde_json::{Value, json};
 
-use super::arguments::{AutoArgs, PrecisionArg};
+use super::arguments::AutoArgs;
 use super::progress::{Progress, short};
 use super::seen::warns_of_inside;
 use super::session::talk;
@@ -27,7 +28,7 @@ pub struct Wish<'a> {
     /// The view; the file's where absent.
     pub camera: Option<Camera>,
     /// Precision of the march.
-    pub precision: PrecisionArg,
+    pub precision: Precision,
     /// How much may be computed, as a multiple of what is usual.
     pub effort: f64,
     /// No progress.
@@ -80,7 +81,7 @@ pub fn options(subject: &Subject, wish: &Wish) -> Options {
         wanted: wish.estimate.settings(),
         camera: wish.camera.unwrap_or_else(|| camera_of(subject)),
         size: wish.size,
-        target: if wish.precision == PrecisionArg::F64 { Target::CpuF64 } else { Target::CpuF32 },
+        precision: wish.precision,
         effort: wish.effort,
         cache: cache::folder(),
         ..Options::of_view(subject)

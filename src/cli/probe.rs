@@ -9,11 +9,12 @@ use bulbfold::expr::Arena;
 use bulbfold::graph::{Method, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError, Estimator, Kernel, Status, inwards, march_output_ports};
 use bulbfold::march::{MarchSettings, compose_march};
-use bulbfold::render::{RenderSettings, in_precision};
+use bulbfold::math::Precision;
+use bulbfold::render::RenderSettings;
 use clap::{ArgGroup, Args};
 use serde_json::{Map, Value, json};
 
-use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PrecisionArg, parse_positive, parse_vector};
+use super::arguments::{AutoArgs, BackendArg, FormulaArgs, parse_positive, parse_vector, precision_parser};
 use super::backend::{Job, Wanted, run_job};
 use super::calibration::{Wish, choose_estimate};
 use super::points::read_rows;
@@ -50,8 +51,8 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     /// Precision [default: f64]
-    #[arg(long, value_enum)]
-    precision: Option<PrecisionArg>,
+    #[arg(long, value_parser = precision_parser())]
+    precision: Option<Precision>,
     /// Where to compute
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
@@ -68,7 +69,7 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
-    let precision = wanted.precision(PrecisionArg::F64)?;
+    let precision = wanted.precision(Precision::F64)?;
     let graph = session.load(&arguments.formula.file, &arguments.formula.changes())?.graph;
     let arena = Arc::new(Arena::default());
     let probe = Probe { arguments, session, graph: &graph, arena: &arena, precision };
@@ -92,7 +93,7 @@ struct Probe<'a> {
     session: &'a Session,
     graph: &'a ValidGraph,
     arena: &'a Arc<Arena>,
-    precision: PrecisionArg,
+    precision: Precision,
 }
 
 impl Probe<'_> {
@@ -123,12 +124,12 @@ impl Probe<'_> {
             quiet: true,
         };
         let plan = choose_estimate(self.session, self.graph, self.arena, &wish)?.plan;
-        let plan = in_precision(plan, self.precision.min_difference());
+        let plan = plan.in_precision(self.precision);
         let estimator = compose_estimator(&self.composer(), &plan.choices, Purpose::Estimate);
         let estimator = estimator.map_err(|diagnostic| self.session.failure(diagnostic))?;
         let default = if self.arguments.hit_eps.is_some() { 0.0 } else { 1e-3 };
         let pixel_radius = self.arguments.pixel_radius.unwrap_or(default);
-        let settings = MarchSettings::of_plan(&plan, pixel_radius, self.precision.min_difference());
+        let settings = MarchSettings::of_plan(&plan, pixel_radius, self.precision);
         let settings = MarchSettings { hit_eps: self.arguments.hit_eps.unwrap_or(settings.hit_eps), ..settings };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
         let columns = ray_columns(rays, plan.bounding_radius)?;

@@ -12,14 +12,13 @@ use bulbfold::expr::Arena;
 #[cfg(feature = "chart")]
 use bulbfold::film::Image;
 use bulbfold::graph::{Camera, ValidGraph};
+use bulbfold::math::Precision;
 use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
 use bulbfold::render::{Pipeline, RenderSettings, Sampling, compose_planned};
 use bulbfold::shade::{self, Size};
 use clap::{Args, ValueEnum};
 
-use super::arguments::{
-    AutoArgs, BackendArg, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector,
-};
+use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PicturePrecision, parse_fov, parse_size, parse_vector};
 use super::backend::{Wanted, run_job};
 use super::calibration::{Wish, settle_estimate};
 use super::jobs::FileJob;
@@ -161,16 +160,16 @@ impl Arguments {
     }
 
     /// Starts the threads that were asked for, and gives the precision.
-    pub(super) fn prepare(&self) -> Result<PrecisionArg, Failure> {
+    pub(super) fn prepare(&self) -> Result<Precision, Failure> {
         if let Some(threads) = self.threads {
             // Fails only when threads are running already, and then the number stays what it was.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
         }
-        Wanted { backend: self.backend, precision: self.precision.given() }.precision(PrecisionArg::F32)
+        Wanted { backend: self.backend, precision: self.precision.given() }.precision(Precision::F32)
     }
 
     /// What a calibration for one picture is to know.
-    pub(super) fn wish(&self, graph: &ValidGraph, settings: &RenderSettings, precision: PrecisionArg) -> Wish<'_> {
+    pub(super) fn wish(&self, graph: &ValidGraph, settings: &RenderSettings, precision: Precision) -> Wish<'_> {
         Wish {
             estimate: &self.estimate,
             size: settings.size,
@@ -182,12 +181,12 @@ impl Arguments {
     }
 
     /// What is asked of the picture, before anything is chosen.
-    pub(super) fn settings(&self, precision: PrecisionArg) -> RenderSettings {
+    pub(super) fn settings(&self, precision: Precision) -> RenderSettings {
         RenderSettings {
             size: self.size.unwrap_or_else(|| self.default_size()),
             samples: self.samples,
             sampling: self.sampling.sampling(),
-            min_difference: precision.min_difference(),
+            precision,
             estimate: self.estimate.estimate.settings(),
             plain: self.exact_rays,
             ..RenderSettings::default()
@@ -325,7 +324,7 @@ struct Fitted {
     graph: ValidGraph,
     settings: RenderSettings,
     pipeline: Pipeline,
-    precision: PrecisionArg,
+    precision: Precision,
     calibration: Calibration,
     /// Time to compose the kernels.
     composing: Duration,
@@ -335,7 +334,7 @@ struct Fitted {
 fn fit(
     session: &Session,
     arguments: &Arguments,
-    asked: PrecisionArg,
+    asked: Precision,
     arena: &Arc<Arena>,
     graph: ValidGraph,
 ) -> Result<Fitted, Failure> {
@@ -352,7 +351,7 @@ fn fit(
     let by_rules = compose_planned(&composer, &settings, plan.clone()).map_err(failed)?;
     let resolution = resolution(arena, &by_rules, settings.size);
     let precision = settle_precision(session, arguments, asked, &resolution);
-    settings.min_difference = precision.min_difference();
+    settings.precision = precision;
     settings.boxed = true;
     let subject = Subject { library: &session.library, graph: &graph, arena, plan };
     let calibration = settle_estimate(session, subject, &arguments.wish(&graph, &settings, precision))?;
@@ -365,16 +364,16 @@ fn fit(
 pub(super) fn settle_precision(
     session: &Session,
     arguments: &Arguments,
-    asked: PrecisionArg,
+    asked: Precision,
     resolution: &Resolution,
-) -> PrecisionArg {
-    let fits = |precision: PrecisionArg| resolution.fits(precision.cpu());
-    let grain = |precision: PrecisionArg| {
-        let ulps = resolution.ulps(precision.cpu());
+) -> Precision {
+    let fits = |precision: Precision| resolution.fits(precision);
+    let grain = |precision: Precision| {
+        let ulps = resolution.ulps(precision);
         let shown = if ulps < 0.01 { format!("{ulps:.1e}") } else { format!("{ulps:.2}") };
         format!("a pixel spans {shown} units of the last place of {} and should span {LEAST_ULPS}", precision.name())
     };
-    if asked == PrecisionArg::F32 && !fits(asked) {
+    if asked == Precision::F32 && !fits(asked) {
         let (is_auto, is_gpu) = (arguments.precision == PicturePrecision::Auto, arguments.backend == BackendArg::Gpu);
         let text = format!("this view is too close for f32: {}", grain(asked));
         match (is_auto, is_gpu) {
@@ -384,11 +383,11 @@ pub(super) fn settle_precision(
             (false, false) => session.warn(&format!("{text}; `--precision auto` takes f64")),
         }
         if is_auto && !is_gpu {
-            return settle_precision(session, arguments, PrecisionArg::F64, resolution);
+            return settle_precision(session, arguments, Precision::F64, resolution);
         }
     }
-    if asked == PrecisionArg::F64 && !fits(asked) {
-        let times = (1.0 / resolution.room(asked.cpu())).max(1.0);
+    if asked == Precision::F64 && !fits(asked) {
+        let times = (1.0 / resolution.room(asked)).max(1.0);
         session.warn(&format!(
             "this view is too close for f64: {}; the picture will show steps of rounding. Go {times:.1} times farther away",
             grain(asked)

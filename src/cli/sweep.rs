@@ -13,12 +13,12 @@ use bulbfold::film::PngFile;
 use bulbfold::frames::{FrameRenderer, Frames, JoinedFrames};
 use bulbfold::graph::{EstimateSettings, ValidGraph};
 use bulbfold::kernel::{Backend, BackendError, Compiling};
+use bulbfold::math::Precision;
 use bulbfold::precision::resolution;
 use bulbfold::render::{Iterations, RenderSettings, Renderer, Stats, beams_hold, compose_pipeline, compose_planned};
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::PrecisionArg;
 use super::backend::{Job, run_job};
 use super::calibration::choose_estimate;
 use super::frames::{Names, frame_key, frames_to_do, refuse_json};
@@ -161,7 +161,7 @@ fn graphs(
 ) -> Result<Vec<ValidGraph>, Failure> {
     let mut graphs = Vec::new();
     let (mut base, mut is_own) = (None, true);
-    let settings = arguments.settings(PrecisionArg::F32);
+    let settings = arguments.settings(Precision::F32);
     for frame in 0..frames {
         let (mut set, mut camera) = (arguments.formula.changes(), arguments.camera);
         let mut turn = None;
@@ -215,8 +215,8 @@ fn settle(
     session: &Session,
     arguments: &Arguments,
     graphs: &[ValidGraph],
-    asked: PrecisionArg,
-) -> Result<(RenderSettings, PrecisionArg), Failure> {
+    asked: Precision,
+) -> Result<(RenderSettings, Precision), Failure> {
     let (mut settings, mut precision) = (arguments.settings(asked), asked);
     for graph in key_frames(graphs) {
         let arena = Arc::new(Arena::default());
@@ -224,7 +224,7 @@ fn settle(
         let pipeline = compose_pipeline(&composer, &settings).map_err(|diagnostic| session.failure(diagnostic))?;
         precision = settle_precision(session, arguments, precision, &resolution(&arena, &pipeline, settings.size));
     }
-    settings.min_difference = precision.min_difference();
+    settings.precision = precision;
     Ok((settings, precision))
 }
 
@@ -265,7 +265,7 @@ fn estimates(
     arguments: &Arguments,
     graphs: &[ValidGraph],
     settings: &RenderSettings,
-    precision: PrecisionArg,
+    precision: Precision,
 ) -> Result<Estimates, Failure> {
     let mut chosen = Vec::new();
     for graph in key_frames(graphs) {

@@ -13,12 +13,13 @@ use bulbfold::expr::Arena;
 use bulbfold::graph::ValidGraph;
 use bulbfold::kernel::{Backend, BackendError, Kernel};
 use bulbfold::march::MarchSettings;
-use bulbfold::render::{camera_of, in_precision};
+use bulbfold::math::Precision;
+use bulbfold::render::camera_of;
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::arguments::{AutoArgs, BackendArg, ChangeArgs, PrecisionArg, parse_size};
+use super::arguments::{AutoArgs, BackendArg, ChangeArgs, parse_size, precision_parser};
 use super::backend::{Job, Wanted, run_job};
 use super::calibration::{Wish, choose_estimate};
 use super::points::read_rows;
@@ -78,8 +79,8 @@ pub struct Arguments {
     #[command(flatten)]
     pub(super) estimate: AutoArgs,
     /// Precision of the march that is compared [default: f64]
-    #[arg(long, value_enum)]
-    precision: Option<PrecisionArg>,
+    #[arg(long, value_parser = precision_parser())]
+    precision: Option<Precision>,
     /// Where the march that is compared runs
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
@@ -114,7 +115,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 /// Walks and marches the rays of one formula.
 pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path) -> Result<Measured, Failure> {
     let wanted = Wanted { backend: arguments.backend, precision: arguments.precision };
-    let precision = wanted.precision(PrecisionArg::F64)?;
+    let precision = wanted.precision(Precision::F64)?;
     let given = arguments.rays_file.as_ref().map(|path| read_rays(path)).transpose()?;
     let graph = session.load_solid(file, &arguments.changes.changes(), "`truth`")?;
     let arena = Arc::new(Arena::default());
@@ -145,8 +146,8 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
     let truths = truths.map_err(|error| session.failure(error))?;
     let time = start.elapsed();
 
-    let plan = in_precision(plan, precision.min_difference());
-    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, precision.min_difference());
+    let plan = plan.in_precision(precision);
+    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, precision);
     let march = candidate(&composer, &plan.choices, &settings).map_err(|error| session.failure(error))?;
     let mut job = MarchJob { arena: &arena, march: &march, rays: &truths.rays, radius: scale.bounding_radius };
     let (backend, ends) = run_job(session, arguments.backend, precision, &mut job)?;

@@ -5,13 +5,14 @@ use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
 use bulbfold::film::Image;
 use bulbfold::kernel::{Backend, BackendError};
+use bulbfold::math::Precision;
 use bulbfold::render::{Pipeline, RenderSettings};
 use bulbfold::shade::Size;
 use bulbfold::view::{Marched, Shown, View, ViewKernels, find_truths, show};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 
-use super::arguments::{BackendArg, PrecisionArg};
+use super::arguments::BackendArg;
 use super::backend::{Job, run_job};
 use super::progress::Progress;
 use super::session::talk;
@@ -64,7 +65,7 @@ pub struct Request<'a> {
     /// Where the march runs.
     pub backend: BackendArg,
     /// Its precision.
-    pub precision: PrecisionArg,
+    pub precision: Precision,
     /// Whether progress is kept back.
     pub quiet: bool,
     /// Whether the numbers are printed.

@@ -27,21 +27,12 @@ use self::march::run_march;
 use self::tapes::Program;
 use super::{Backend, BackendError, Batch, Kernel, Results, Wanted};
 use crate::expr::{Arena, Port};
-use crate::math::{Lanes, Pack};
+use crate::math::{Lanes, Pack, Precision};
 
 /// Vectors that one register holds.
 const WIDE: usize = 4;
 /// Elements that one task works on.
 const GROUP: usize = 4096;
-
-/// Precision of the CPU back end.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Precision {
-    /// Wide single precision.
-    F32,
-    /// Scalar double precision.
-    F64,
-}
 
 /// The CPU back end.
 #[derive(Clone, Copy, Debug)]
@@ -120,10 +111,7 @@ impl Cpu {
 
     /// The instruction set in use and the number of rays that a vector holds, or a pack of the interpreter.
     pub fn description(&self) -> String {
-        let precision = match self.precision {
-            Precision::F64 => "f64",
-            Precision::F32 => "f32",
-        };
+        let precision = self.precision.name();
         if let Some((name, rays)) = self.machine_code() {
             let some =
                 if INTERPRETED.load(Ordering::Relaxed) { ", some kernels interpreted for want of memory" } else { "" };
