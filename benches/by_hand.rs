@@ -15,11 +15,12 @@ use bulbfold::diag::Diagnostics;
 use bulbfold::expr::{Arena, Function, Port};
 use bulbfold::formula::library::Library;
 use bulbfold::graph::{EstimateSettings, Method};
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::tape::{Code, Products, lower_group};
 use bulbfold::kernel::{Backend, Estimator, Kernel};
 use bulbfold::load::load;
 use bulbfold::math::Lanes;
+use bulbfold::math::Precision;
 use bulbfold::math::real::{Pack, Real};
 use fearless_simd::{Level, Simd, dispatch};
 

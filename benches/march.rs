@@ -10,8 +10,9 @@ use bulbfold::diag::Diagnostics;
 use bulbfold::expr::Arena;
 use bulbfold::formula::library::Library;
 use bulbfold::kernel::Backend;
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 use bulbfold::load::load;
+use bulbfold::math::Precision;
 use bulbfold::render::{RenderSettings, compose_pipeline};
 use bulbfold::shade::Size;
 

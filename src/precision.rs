@@ -4,8 +4,9 @@
 //! footprints against the spacing of numbers where the rays hit. A footprint is a pixel's diameter at the hit.
 
 use crate::expr::Arena;
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 use crate::kernel::{Backend, BackendError, Status, march_output_ports};
+use crate::math::Precision;
 use crate::render::Pipeline;
 use crate::shade::{self, Size};
 
@@ -19,19 +20,6 @@ const SHARE: f64 = 0.1;
 /// of an eighth of a footprint, which must be a unit at least.
 pub const LEAST_ULPS: f64 = 8.0;
 
-/// Significant bits of a number.
-fn bits(precision: Precision) -> i32 {
-    match precision {
-        Precision::F32 => f32::MANTISSA_DIGITS as i32,
-        Precision::F64 => f64::MANTISSA_DIGITS as i32,
-    }
-}
-
-/// The unit of the last place of numbers of this size.
-pub fn ulp(size: f64, precision: Precision) -> f64 {
-    if size > 0.0 && size.is_finite() { (size.log2().floor() + 1.0 - f64::from(bits(precision))).exp2() } else { 0.0 }
-}
-
 /// How fine a view is.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Resolution {
@@ -44,7 +32,7 @@ pub struct Resolution {
 impl Resolution {
     /// The footprint in units of the last place.
     pub fn ulps(&self, precision: Precision) -> f64 {
-        self.footprint / ulp(self.size, precision)
+        self.footprint / precision.ulp(self.size)
     }
 
     /// Whether a precision can tell the view's pixels apart.

@@ -57,10 +57,10 @@ pub fn key(subject: &Subject, options: &Options) -> Result<String, Diagnostic> {
             text.push_str(subject.library.sources.text(step.text));
         }
     }
-    let Options { budget, wanted, camera, size, target, effort, seed, cache: _ } = options;
+    let Options { budget, wanted, camera, size, precision, effort, seed, cache: _ } = options;
     let _ = write!(
         text,
-        "{budget:?} {wanted:?} {camera:?} {size:?} {target:?} {effort} {seed} {}",
+        "{budget:?} {wanted:?} {camera:?} {size:?} {precision:?} {effort} {seed} {}",
         subject.plan.bounding_radius
     );
     Ok(format!("{:032x}.json", hash(text.as_bytes())))

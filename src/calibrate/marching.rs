@@ -1,14 +1,13 @@
 //! Marches of plans over rays of the view, with what they cost.
 
 use super::Options;
+use crate::check::Subject;
 use crate::check::truth::{End, Ray, Scale, candidate, ends, ray_columns};
-use crate::check::{Subject, Target};
 use crate::compose::{ComposeResult, Plan};
-use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
+use crate::kernel::cpu::{Cpu, CpuKernel};
 use crate::kernel::work::Work;
 use crate::kernel::{Backend, Kernel, Status};
 use crate::march::MarchSettings;
-use crate::render::in_precision;
 
 /// Rays of a pilot, and estimates after which each of them is given up.
 pub(super) const PILOT_RAYS: usize = 64;
@@ -45,15 +44,14 @@ pub(super) struct Pilot {
 
 impl<'a> Marching<'a> {
     pub fn new(subject: &'a Subject<'a>, options: &'a Options, scale: Scale) -> Marching<'a> {
-        let precision = if options.target == Target::CpuF64 { Precision::F64 } else { Precision::F32 };
-        Marching { subject, options, scale, cpu: Cpu::new(precision) }
+        Marching { subject, options, scale, cpu: Cpu::new(options.precision) }
     }
 
     /// Composes the march of a plan, in the precision of the options.
     pub fn compose(&self, plan: &Plan) -> ComposeResult<Kernel> {
-        let least = self.options.target.min_difference();
-        let plan = in_precision(plan.clone(), least);
-        let settings = MarchSettings::of_plan(&plan, self.scale.pixel_radius, least);
+        let precision = self.options.precision;
+        let plan = plan.clone().in_precision(precision);
+        let settings = MarchSettings::of_plan(&plan, self.scale.pixel_radius, precision);
         candidate(&self.subject.composer(), &plan.choices, &settings)
     }
 

@@ -35,13 +35,14 @@ pub use candidate::{Candidate, FUDGES, LEAST_STEPS, Space};
 pub use evidence::Count;
 pub use race::MOST_PRICE;
 
+use crate::check::Subject;
 use crate::check::health::{Kind, check_steps};
 pub use crate::check::truth::Budget;
 use crate::check::truth::{Ray, Scale, Truths, view_rays};
-use crate::check::{Subject, Target};
 use crate::compose::{Plan, choose, field_orbits};
 use crate::diag::Diagnostic;
 use crate::graph::{CALIBRATED_ROWS, Camera, EstimateSettings};
+use crate::math::Precision;
 use crate::shade::Size;
 use choice::{Terms, rows};
 use marching::Marching;
@@ -70,8 +71,8 @@ pub struct Options {
     pub camera: Camera,
     /// The picture's size, which says how large a footprint is.
     pub size: Size,
-    /// What the candidates march on. Pictures of a GPU are calibrated on the CPU in single precision.
-    pub target: Target,
+    /// What the candidates march in, on the CPU. Pictures of a GPU are calibrated in single precision.
+    pub precision: Precision,
     /// How much it may compute, as a multiple of what it may by default: a tenth of a picture of one sample a pixel, or
     /// some 10^9 products of two numbers where that is more.
     pub effort: f64,
@@ -89,7 +90,7 @@ impl Options {
             wanted: EstimateSettings::default(),
             camera: camera_of(subject),
             size: Size { width: 1280, height: 720 },
-            target: Target::CpuF32,
+            precision: Precision::F32,
             effort: 1.0,
             seed: 1,
             cache: cache::folder(),

@@ -178,7 +178,7 @@ impl CostChart {
         }
         // Dots of one kind are one item, which keeps files small.
         for family in Family::ALL {
-            for target in [Target::CpuF64, Target::CpuF32, Target::Gpu] {
+            for target in [Target::CPU_F64, Target::CPU_F32, Target::Gpu] {
                 for (is_whole, diameter) in [(false, 6.5 * scale), (true, 10.0 * scale)] {
                     let wanted = |(c, _): &(Candidate, Measured)| {
                         Family::of(c.method) == family && c.target == target && (c.fudge >= 1.0) == is_whole
@@ -205,7 +205,8 @@ impl CostChart {
             }
         }
         y += 10.0;
-        for (target, words) in [(Target::CpuF32, "CPU, f32"), (Target::CpuF64, "CPU, f64"), (Target::Gpu, "GPU, f32")] {
+        for (target, words) in [(Target::CPU_F32, "CPU, f32"), (Target::CPU_F64, "CPU, f64"), (Target::Gpu, "GPU, f32")]
+        {
             if self.points.iter().any(|(c, _)| c.target == target) {
                 dots(page, &[[left + 10.0, y]], 9.0, target, GREY);
                 page.text(Text::new([left + 30.0, y + 4.0], words, size).colour(GREY));
@@ -307,8 +308,8 @@ impl CostChart {
 fn dots(page: &mut Drawing, at: &[Point], diameter: f64, target: Target, colour: super::Colour) {
     page.dots(at, diameter, colour);
     match target {
-        Target::CpuF32 => {}
-        Target::CpuF64 => page.dots(at, diameter * 0.55, PAPER),
+        Target::CPU_F32 => {}
+        Target::CPU_F64 => page.dots(at, diameter * 0.55, PAPER),
         Target::Gpu => page.dots(at, diameter * 0.5, INK),
     }
 }

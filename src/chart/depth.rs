@@ -99,7 +99,7 @@ impl DepthChart {
         let below = caption(page, &text, [MARGIN, 582.0], WIDTH - 2.0 * MARGIN, 11.0);
         let ends = self.ends();
         let end = |wanted: Target| ends.iter().find(|(t, _)| *t == wanted).and_then(|(_, end)| *end);
-        if let (Some(single), Some(double)) = (end(Target::CpuF32), end(Target::CpuF64)) {
+        if let (Some(single), Some(double)) = (end(Target::CPU_F32), end(Target::CPU_F64)) {
             let text =
                 format!("f32 is within half a footprint up to zoom {}, f64 up to {}.", plain(single), plain(double));
             page.text(Text::new([MARGIN, below + 4.0], text, 11.0).colour(GREY));

@@ -75,9 +75,8 @@ fn method_name(method: Option<Method>) -> &'static str {
 /// Back end and precision of a target, as words.
 fn target_words(target: Target) -> (&'static str, &'static str) {
     match target {
-        Target::CpuF64 => ("cpu", "f64"),
-        Target::CpuF32 => ("cpu", "f32"),
-        Target::Gpu => ("gpu", "f32"),
+        Target::Cpu(precision) => ("cpu", precision.name()),
+        Target::Gpu => ("gpu", target.precision().name()),
     }
 }
 

@@ -7,7 +7,7 @@ use super::scale::{Panel, Scale, Words, percent, plain};
 use super::{MARGIN, WIDTH, caption, target_words};
 use crate::check::Target;
 use crate::check::measure::step_size::{FOOTPRINTS, StepSizes, USABLE};
-use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
+use crate::math::Precision;
 
 /// Heading of [`csv`](StepChart::csv).
 pub const CSV_HEADER: &str =
@@ -27,8 +27,8 @@ pub struct StepChart {
 /// Colour of a target's line.
 pub(super) fn target_colour(target: Target) -> Colour {
     match target {
-        Target::CpuF32 => Colour(0xd5, 0x5e, 0x00),
-        Target::CpuF64 => Colour(0x00, 0x72, 0xb2),
+        Target::CPU_F32 => Colour(0xd5, 0x5e, 0x00),
+        Target::CPU_F64 => Colour(0x00, 0x72, 0xb2),
         Target::Gpu => Colour(0x00, 0x8a, 0x66),
     }
 }
@@ -36,8 +36,7 @@ pub(super) fn target_colour(target: Target) -> Colour {
 /// A target as its line's name.
 pub(super) fn target_label(target: Target) -> &'static str {
     match target {
-        Target::CpuF32 => "f32",
-        Target::CpuF64 => "f64",
+        Target::Cpu(precision) => precision.name(),
         Target::Gpu => "f32 on the GPU",
     }
 }
@@ -119,8 +118,8 @@ impl StepChart {
         let text = format!("usable: median within {}", percent(USABLE));
         page.text(Text::new([left + 0.22 * (right - left), y - 6.0], text, 12.0).halo());
         let marks = [
-            (MIN_DIFFERENCE_F32, "least in f32"),
-            (MIN_DIFFERENCE_F64, "least in f64"),
+            (Precision::F32.min_difference(), "least in f32"),
+            (Precision::F64.min_difference(), "least in f64"),
             (self.sizes.estimate * 0.01, "0.01 of the estimate"),
             (self.sizes.estimate, "the estimate"),
         ];

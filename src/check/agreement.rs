@@ -60,7 +60,7 @@ pub fn agreement(subject: &Subject, backends: &Backends, target: Target) -> Resu
     let failed = |error| rendered(error, subject.library);
     let pipeline = compose_pipeline(&composer, &settings).map_err(failed)?;
     let depths = |target| backends.depths(target, subject.arena, &pipeline, &settings).map_err(|e| e.to_string());
-    let (reference, found) = (depths(Target::CpuF64)?, depths(target)?);
+    let (reference, found) = (depths(Target::CPU_F64)?, depths(target)?);
     let agrees = |a: Option<f64>, b: Option<f64>| match (a, b) {
         (Some(a), Some(b)) => (a - b).abs() <= pipeline.pixel_radius * a,
         (None, None) => true,

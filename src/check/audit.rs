@@ -8,9 +8,10 @@
 use crate::compose::Composer;
 use crate::diag::Diagnostic;
 use crate::graph::{EstimateSettings, Method};
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
-use crate::march::{MIN_DIFFERENCE_F64, is_undecided};
+use crate::march::is_undecided;
+use crate::math::Precision;
 use crate::math::random::Random;
 use crate::render::{Pipeline, RenderSettings, compose_pipeline};
 
@@ -87,7 +88,7 @@ pub fn audit(
     rays: usize,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Audit, Diagnostic> {
-    let settings = RenderSettings { min_difference: MIN_DIFFERENCE_F64, ..settings.clone() };
+    let settings = RenderSettings { precision: Precision::F64, ..settings.clone() };
     let proofs = RenderSettings {
         estimate: EstimateSettings { method: Some(Method::Certified), fudge: Some(1.0), ..settings.estimate },
         ..settings.clone()

@@ -4,43 +4,49 @@ use std::time::{Duration, Instant};
 
 use crate::expr::Arena;
 use crate::graph::Method;
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::kernel::gpu::{AdapterWanted, Gpu};
 use crate::kernel::{Backend, BackendError, Kernel};
-use crate::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
+use crate::math::Precision;
 use crate::render::{Pipeline, RenderSettings, Renderer};
 
 /// One back end in one precision.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Target {
-    /// The f64 interpreter, the reference.
-    CpuF64,
-    /// The wide f32 interpreter.
-    CpuF32,
-    /// Generated WGSL on an adapter.
+    /// The CPU back end.
+    Cpu(Precision),
+    /// Generated WGSL on an adapter, in single precision.
     Gpu,
 }
 
 impl Target {
+    /// The CPU in double precision, the reference.
+    pub const CPU_F64: Target = Target::Cpu(Precision::F64);
+    /// The CPU in single precision.
+    pub const CPU_F32: Target = Target::Cpu(Precision::F32);
+
     /// The last part of a test's name.
     pub fn name(self) -> &'static str {
         match self {
-            Target::CpuF64 => "cpu_f64",
-            Target::CpuF32 => "cpu_f32",
+            Target::CPU_F64 => "cpu_f64",
+            Target::CPU_F32 => "cpu_f32",
             Target::Gpu => "gpu",
         }
     }
 
-    /// Least step of finite differences, as a share of the larger of 1 and the point's coordinates.
-    pub fn min_difference(self) -> f64 {
-        if self == Target::CpuF64 { MIN_DIFFERENCE_F64 } else { MIN_DIFFERENCE_F32 }
+    /// What it computes in.
+    pub const fn precision(self) -> Precision {
+        match self {
+            Target::Cpu(precision) => precision,
+            Target::Gpu => Precision::F32,
+        }
     }
 
     /// Relative error (absolute below 1) that an estimate may have on top of a test's own tolerance.
     pub fn estimate_slack(self, method: Method) -> f64 {
         match (self, method) {
-            (Target::CpuF64, _) => 0.0,
+            (Target::CPU_F64, _) => 0.0,
             // A difference of two numbers of 24 bits over a step of a hundredth of the estimate.
             (_, method) if method.is_difference() => 1e-2,
             // Ten iterations of a power 8 lose about 3 of 7 digits: every one multiplies the relative error by 8.
@@ -51,9 +57,9 @@ impl Target {
     /// Relative error (absolute below 1) that a step's worked example may have on top of its own tolerance.
     pub fn step_slack(self) -> f64 {
         match self {
-            Target::CpuF64 => 0.0,
+            Target::CPU_F64 => 0.0,
             // sin, cos, atan2 and pow of the lane kit and of drivers: a few units of 6e-8 each, multiplied by powers.
-            Target::CpuF32 => 1e-4,
+            Target::CPU_F32 => 1e-4,
             // WGSL grants sin and cos 2^-11 absolute on [-pi, pi]; drivers do far better, but not 1e-4 on all.
             Target::Gpu => 1e-3,
         }
@@ -62,7 +68,7 @@ impl Target {
     /// Relative error of a state after this many iterations: rounding doubles or worse each time.
     pub fn orbit_slack(self, iterations: u32) -> f64 {
         match self {
-            Target::CpuF64 => 0.0,
+            Target::CPU_F64 => 0.0,
             _ => 1e-6 * 8f64.powi(iterations.min(5) as i32),
         }
     }
@@ -70,7 +76,7 @@ impl Target {
     /// Shift that rounding of a point's coordinates can stand for, relative to the size of the set.
     pub fn rounding(self) -> f64 {
         match self {
-            Target::CpuF64 => 1e-10,
+            Target::CPU_F64 => 1e-10,
             _ => 2e-6,
         }
     }
@@ -78,7 +84,7 @@ impl Target {
     /// Part of the depth that a ray's hit may be off by, and least hit threshold.
     pub fn depth_slack(self) -> f64 {
         match self {
-            Target::CpuF64 => 0.0,
+            Target::CPU_F64 => 0.0,
             _ => 1e-4,
         }
     }
@@ -136,7 +142,7 @@ impl Backends {
 
     /// What tests run on, the reference first.
     pub fn targets(&self) -> Vec<Target> {
-        let mut targets = vec![Target::CpuF64, Target::CpuF32];
+        let mut targets = vec![Target::CPU_F64, Target::CPU_F32];
         targets.extend(self.no_gpu.is_none().then_some(Target::Gpu));
         targets
     }
@@ -150,8 +156,8 @@ impl Backends {
         columns: &[Vec<f64>],
     ) -> Result<Vec<Vec<f64>>, BackendError> {
         match target {
-            Target::CpuF64 => run_on(&self.double, arena, kernel, columns),
-            Target::CpuF32 => run_on(&self.single, arena, kernel, columns),
+            Target::CPU_F64 => run_on(&self.double, arena, kernel, columns),
+            Target::CPU_F32 => run_on(&self.single, arena, kernel, columns),
             Target::Gpu => self.run_gpu(arena, kernel, columns),
         }
     }
@@ -166,8 +172,8 @@ impl Backends {
         columns: &[Vec<f64>],
     ) -> Result<(Vec<Vec<f64>>, Duration), BackendError> {
         match target {
-            Target::CpuF64 => time_on(&self.double, arena, kernel, columns),
-            Target::CpuF32 => time_on(&self.single, arena, kernel, columns),
+            Target::CPU_F64 => time_on(&self.double, arena, kernel, columns),
+            Target::CPU_F32 => time_on(&self.single, arena, kernel, columns),
             #[cfg(feature = "gpu")]
             Target::Gpu => time_on(self.gpu.as_ref().ok_or_else(|| self.absent())?, arena, kernel, columns),
             #[cfg(not(feature = "gpu"))]
@@ -184,8 +190,8 @@ impl Backends {
         settings: &RenderSettings,
     ) -> Result<Vec<Option<f64>>, BackendError> {
         match target {
-            Target::CpuF64 => depths_on(&self.double, arena, pipeline, settings),
-            Target::CpuF32 => depths_on(&self.single, arena, pipeline, settings),
+            Target::CPU_F64 => depths_on(&self.double, arena, pipeline, settings),
+            Target::CPU_F32 => depths_on(&self.single, arena, pipeline, settings),
             Target::Gpu => self.depths_gpu(arena, pipeline, settings),
         }
     }

@@ -73,8 +73,8 @@ fn symmetry_text(symmetry: Symmetry) -> String {
 /// Whether a test says anything about a back end.
 pub(super) fn applies(kind: &TestKind, target: Target) -> bool {
     match kind {
-        TestKind::AgreesOnBackends => target != Target::CpuF64,
-        TestKind::NeverAbove { .. } => target == Target::CpuF64,
+        TestKind::AgreesOnBackends => target != Target::CPU_F64,
+        TestKind::NeverAbove { .. } => target == Target::CPU_F64,
         _ => true,
     }
 }
@@ -208,7 +208,7 @@ impl Case<'_> {
                 wrong.push(format!("at {p:?}: estimate {:?}, at its image {:?}", values[a], values[b]));
             }
         }
-        let allowed = if self.target == Target::CpuF64 { 0.0 } else { SYMMETRY_SHARE_F32 };
+        let allowed = if self.target == Target::CPU_F64 { 0.0 } else { SYMMETRY_SHARE_F32 };
         if wrong.len() as f64 <= allowed * SYMMETRY_POINTS as f64 {
             return Ok(());
         }

@@ -171,7 +171,7 @@ impl Formula {
     pub fn orbit(&self, point: [f64; 3], iterations: u32) -> Vec<f64> {
         let subject = self.subject();
         let kernel = self.composed(subject.orbit_kernel(iterations));
-        let states = subject.orbits(&Backends::cpu_only(), Target::CpuF64, &kernel, &[point]);
+        let states = subject.orbits(&Backends::cpu_only(), Target::CPU_F64, &kernel, &[point]);
         states.expect("the CPU runs every kernel").swap_remove(0)
     }
 
@@ -192,14 +192,14 @@ impl Formula {
         let choices = subject.choices(method);
         let choices = choices.unwrap_or_else(|| panic!("the method {method:?} does not apply to this formula"));
         let kernel = self.composed(subject.estimator(&choices));
-        let values = subject.estimates(&Backends::cpu_only(), Target::CpuF64, &kernel, &[point]);
+        let values = subject.estimates(&Backends::cpu_only(), Target::CPU_F64, &kernel, &[point]);
         values.expect("the CPU runs every kernel")[0]
     }
 
     /// The depth at which a ray meets the set; `direction` of any length but 0.
     pub fn ray(&self, origin: [f64; 3], direction: [f64; 3]) -> Option<f64> {
         let direction = glam::DVec3::from(direction).normalize().to_array();
-        let depths = self.subject().depths(&Backends::cpu_only(), Target::CpuF64, &[(origin, direction)], RAY_EPS);
+        let depths = self.subject().depths(&Backends::cpu_only(), Target::CPU_F64, &[(origin, direction)], RAY_EPS);
         self.composed(depths.expect("the CPU runs every kernel"))[0]
     }
 

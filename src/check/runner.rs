@@ -19,6 +19,7 @@ use crate::formula::step::{ScalarRule, Step};
 use crate::graph::{NodeKind, PRESET, Preset, ValidGraph};
 use crate::kernel::wgsl;
 use crate::load::load;
+use crate::math::Precision;
 use crate::render::{RenderSettings, compose_pipeline};
 use crate::shade::Size;
 
@@ -199,7 +200,7 @@ impl<'a> Runner<'a> {
                 cases.push((format!("{name}::{}::{}", label(&test.kind), target.name()), test, *target));
             }
         }
-        let calibrated_name = format!("{name}::calibrated::{}", Target::CpuF64.name());
+        let calibrated_name = format!("{name}::calibrated::{}", Target::CPU_F64.name());
         let is_calibrated = has_calibrated_estimate(graph);
         let names: Vec<String> = cases
             .iter()
@@ -290,11 +291,7 @@ fn has_calibrated_estimate(graph: &ValidGraph) -> bool {
 /// Marches the view of a file that carries a calibrated estimate as the file says, and compares with the truth: what
 /// `bulbfold test` asks of such a file. `Err` says what is out of the budget by more than chance.
 pub fn check_calibration(subject: &Subject) -> Result<(), String> {
-    let settings = RenderSettings {
-        size: CALIBRATED_SIZE,
-        min_difference: Target::CpuF64.min_difference(),
-        ..RenderSettings::default()
-    };
+    let settings = RenderSettings { size: CALIBRATED_SIZE, precision: Precision::F64, ..RenderSettings::default() };
     let judged = super::truth::judge(subject, CALIBRATED_RAYS, &settings)?;
     let budget = Budget::default();
     if !judged.is_evidence_against(&budget) {

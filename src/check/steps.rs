@@ -229,7 +229,7 @@ impl StepCase<'_> {
             }
         }
         let kernel = Kernel::Map(function);
-        let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns_by(width, &states, by));
+        let out = self.backends.run(Target::CPU_F64, &arena, &kernel, &Self::columns_by(width, &states, by));
         let out = out.map_err(|e| e.to_string())?;
         let each = 1 + 4 * n;
         for (i, p) in points.iter().enumerate() {
@@ -273,7 +273,7 @@ impl StepCase<'_> {
     fn bound_by(&self, width: u8, params: &Params, points: &[Vec<f64>], by: u16) -> Result<(), String> {
         let arena = Arc::new(Arena::default());
         let kernel = Kernel::Map(self.jacobian_by(&arena, width, params, (by, true))?);
-        let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns_by(width, points, by));
+        let out = self.backends.run(Target::CPU_F64, &arena, &kernel, &Self::columns_by(width, points, by));
         let out = out.map_err(|e| e.to_string())?;
         let n = usize::from(width);
         let m = image_width(self.step, n);
@@ -323,7 +323,7 @@ impl StepCase<'_> {
                 }
                 let arena = Arc::new(Arena::default());
                 let kernel = Kernel::Map(self.jacobian_function(&arena, width, &params, false)?);
-                let out = self.backends.run(Target::CpuF64, &arena, &kernel, &Self::columns(width, &points));
+                let out = self.backends.run(Target::CPU_F64, &arena, &kernel, &Self::columns(width, &points));
                 let out = out.map_err(|e| e.to_string())?;
                 for (i, p) in points.iter().enumerate() {
                     let slope = (1..=usize::from(width)).map(|k| out[k][i] * out[k][i]).sum::<f64>().sqrt();

@@ -109,7 +109,7 @@ impl<'a> Subject<'a> {
         points: &[[f64; 3]],
     ) -> Result<Vec<(f64, bool)>, BackendError> {
         let mut h = vec![FIRST_DIFFERENCE; points.len()];
-        let first = backends.run(Target::CpuF64, self.arena, kernel, &estimator_columns(points, &h, 1e-9))?;
+        let first = backends.run(Target::CPU_F64, self.arena, kernel, &estimator_columns(points, &h, 1e-9))?;
         for (h, de) in h.iter_mut().zip(&first[0]) {
             let least = if de.is_finite() { LEAST_DIFFERENCE } else { FIRST_DIFFERENCE };
             *h = self.plan.difference_step.length(*de, least);
@@ -134,7 +134,7 @@ impl<'a> Subject<'a> {
         let settings = MarchSettings {
             hit_eps,
             max_march_steps: 100_000,
-            ..MarchSettings::of_plan(&self.plan, 0.0, target.min_difference())
+            ..MarchSettings::of_plan(&self.plan, 0.0, target.precision())
         };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
         let mut columns = vec![Vec::new(); 8];

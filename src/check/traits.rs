@@ -34,7 +34,7 @@ pub fn is_conformal(library: &Library, step: &Step) -> bool {
     let mut random = Random::new(11);
     let points: Vec<Vec<f64>> = (0..POINTS).map(|_| (0..n).map(|_| random.range(-REACH, REACH)).collect()).collect();
     let columns = StepCase::columns(width, &points);
-    let Ok(out) = backends.run(Target::CpuF64, &arena, &Kernel::Map(function), &columns) else { return false };
+    let Ok(out) = backends.run(Target::CPU_F64, &arena, &Kernel::Map(function), &columns) else { return false };
     if out.len() < n * (1 + n) {
         return false; // a shape: it has a distance and no image
     }

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use bulbfold::calibrate::Budget;
 use bulbfold::engine::{BackendChoice, Request};
 use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, PRESET, Quality, StopAt};
-use bulbfold::kernel::cpu::Precision;
+use bulbfold::math::Precision;
 use bulbfold::shade::Size;
-use clap::builder::PossibleValue;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
 /// Where kernels run.
@@ -32,13 +32,15 @@ impl BackendArg {
     }
 }
 
-/// Precision of numbers.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
-pub enum PrecisionArg {
-    /// Single precision, many rays at a time.
-    F32,
-    /// Double precision, on the CPU.
-    F64,
+/// Reads a precision by its name.
+pub fn precision_parser() -> impl TypedValueParser<Value = Precision> {
+    let help = |precision| match precision {
+        Precision::F32 => "Single precision, many rays at a time",
+        Precision::F64 => "Double precision, on the CPU",
+    };
+    let names = Precision::ALL.map(|precision| PossibleValue::new(precision.name()).help(help(precision)));
+    let named = |name: String| Precision::ALL.into_iter().find(|precision| precision.name() == name);
+    PossibleValuesParser::new(names).try_map(move |name| named(name).ok_or("no such precision"))
 }
 
 /// Precision of a picture.
@@ -54,21 +56,11 @@ pub enum PicturePrecision {
 
 impl PicturePrecision {
     /// What was asked for; nothing with `auto`.
-    pub fn given(self) -> Option<PrecisionArg> {
+    pub fn given(self) -> Option<Precision> {
         match self {
             PicturePrecision::Auto => None,
-            PicturePrecision::F32 => Some(PrecisionArg::F32),
-            PicturePrecision::F64 => Some(PrecisionArg::F64),
-        }
-    }
-}
-
-impl PrecisionArg {
-    /// As everything else takes it.
-    pub fn precision(self) -> Precision {
-        match self {
-            PrecisionArg::F32 => Precision::F32,
-            PrecisionArg::F64 => Precision::F64,
+            PicturePrecision::F32 => Some(Precision::F32),
+            PicturePrecision::F64 => Some(Precision::F64),
         }
     }
 }

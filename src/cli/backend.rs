@@ -2,9 +2,10 @@
 
 use bulbfold::engine::{BackendChoice, Backends, Error, Work};
 use bulbfold::kernel::BackendError;
-use bulbfold::kernel::cpu::Precision;
 #[cfg(feature = "gpu")]
 use bulbfold::kernel::gpu::{AdapterInfoLine, adapters};
+
+use bulbfold::math::Precision;
 
 use super::session::talk;
 

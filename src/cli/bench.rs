@@ -14,15 +14,16 @@ use bulbfold::engine::Settling;
 use bulbfold::expr::Arena;
 use bulbfold::graph::{EstimateSettings, Method, ValidGraph};
 use bulbfold::kernel::cost::MarchCost;
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use bulbfold::kernel::gpu::{AdapterWanted, Gpu};
 use bulbfold::kernel::{Backend, BackendError, Kernel};
+use bulbfold::math::Precision;
 use bulbfold::render::{Pipeline, RenderSettings, Renderer, compose_planned};
 use bulbfold::shade::Size;
 use clap::Args;
 
-use super::arguments::{AutoArgs, BackendArg, ChangeArgs, PrecisionArg, parse_positive, parse_size};
+use super::arguments::{AutoArgs, BackendArg, ChangeArgs, parse_positive, parse_size, precision_parser};
 use super::progress::Progress;
 use super::{Failure, Outcome, Session, message, usage};
 
@@ -52,8 +53,8 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
     /// Only this precision [default: both]
-    #[arg(long, value_enum)]
-    precision: Option<PrecisionArg>,
+    #[arg(long, value_parser = precision_parser())]
+    precision: Option<Precision>,
     /// Seconds to measure each fractal for, about
     #[arg(long, value_name = "SECONDS", default_value = "6", value_parser = parse_positive)]
     time: f64,
@@ -176,7 +177,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 
 impl Machine {
     fn open(arguments: &Arguments) -> Result<Machine, Failure> {
-        if arguments.backend == BackendArg::Gpu && arguments.precision == Some(PrecisionArg::F64) {
+        if arguments.backend == BackendArg::Gpu && arguments.precision == Some(Precision::F64) {
             let help = "drop one of them: f64 is measured on the CPU";
             return Err(usage("GPUs compute in f32: `--backend gpu` and `--precision f64` exclude each other", help));
         }
@@ -252,7 +253,7 @@ impl Bench<'_> {
     fn plans(&self, composer: &Composer) -> Result<Vec<Plan>, Failure> {
         let request = self.arguments.estimate.request(self.arguments.size);
         let settling = Settling { library: composer.library, arena: composer.arena, request: &request };
-        let precision = self.arguments.precision.map_or(Precision::F32, PrecisionArg::precision);
+        let precision = self.arguments.precision.unwrap_or(Precision::F32);
         let calibration = settling
             .plan(self.graph)
             .and_then(|plan| settling.estimate(self.graph, plan, precision, &mut self.session.watch(true)));
@@ -284,7 +285,7 @@ impl Bench<'_> {
         }
         let wanted = |engine: &Engine| match self.arguments.precision {
             None => true,
-            Some(precision) => precision.precision() == engine.precision(),
+            Some(precision) => precision == engine.precision(),
         };
         engines.retain(wanted);
         engines.push(BASELINE);
@@ -292,7 +293,7 @@ impl Bench<'_> {
     }
 
     fn precision(&self, engine: Engine) -> Precision {
-        self.arguments.precision.map_or(engine.precision(), PrecisionArg::precision)
+        self.arguments.precision.unwrap_or(engine.precision())
     }
 
     fn pipeline(
@@ -301,11 +302,7 @@ impl Bench<'_> {
         plan: &Plan,
         precision: Precision,
     ) -> Result<(RenderSettings, Pipeline), Failure> {
-        let settings = RenderSettings {
-            size: self.arguments.size,
-            min_difference: precision.min_difference(),
-            ..RenderSettings::default()
-        };
+        let settings = RenderSettings { size: self.arguments.size, precision, ..RenderSettings::default() };
         let pipeline = compose_planned(composer, &settings, plan.clone());
         Ok((settings, pipeline.map_err(|diagnostic| self.session.failure(diagnostic))?))
     }

@@ -6,10 +6,11 @@ use std::sync::Arc;
 
 use bulbfold::engine::{Request, Settling};
 use bulbfold::expr::Arena;
+use bulbfold::math::Precision;
 use bulbfold::shade::Size;
 use clap::Args;
 
-use super::arguments::{AutoArgs, ChangeArgs, PrecisionArg, parse_positive, parse_size};
+use super::arguments::{AutoArgs, ChangeArgs, parse_positive, parse_size, precision_parser};
 use super::calibrate_write;
 use super::calibration::{json, pasted, table};
 use super::{Outcome, Session, usage};
@@ -52,8 +53,8 @@ pub struct Arguments {
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
     pub(super) size: Size,
     /// Precision that candidates march in
-    #[arg(long, value_enum, default_value_t = PrecisionArg::F32)]
-    pub(super) precision: PrecisionArg,
+    #[arg(long, value_parser = precision_parser(), default_value_t = Precision::F32)]
+    pub(super) precision: Precision,
     #[command(flatten)]
     pub(super) estimate: AutoArgs,
     /// Print one JSON object for each formula, a line each, instead of tables
@@ -91,7 +92,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
             .seen(graph)
             .and_then(|graph| {
                 let plan = settling.plan(&graph)?;
-                settling.estimate(&graph, plan, arguments.precision.precision(), &mut session.watch(false))
+                settling.estimate(&graph, plan, arguments.precision, &mut session.watch(false))
             })
             .map_err(|error| session.failed(error))?;
         if arguments.json {

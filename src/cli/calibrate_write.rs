@@ -185,7 +185,7 @@ fn measure(
         let settling = Settling { library: subject.library, arena: subject.arena, request: &request };
         let plan = settling.plan(subject.graph).map_err(|error| told(session.failed(error)))?;
         let subject = Subject { plan, ..*subject };
-        let options = Options { budget, cache: None, ..settling.options(&subject, arguments.precision.precision()) };
+        let options = Options { budget, cache: None, ..settling.options(&subject, arguments.precision) };
         let mut progress = Progress::new(false);
         let calibration = calibrate(&subject, &options, &mut |share| progress.update(share));
         progress.finish();

@@ -16,12 +16,13 @@ use bulbfold::expr::Arena;
 use bulbfold::files::{STDOUT, Target as Output};
 use bulbfold::film::Image;
 use bulbfold::graph::{Method, ValidGraph};
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
+use bulbfold::math::Precision;
 use bulbfold::render::{RenderSettings, Renderer, compose_pipeline};
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
-use super::arguments::{BackendArg, ChangeArgs, PrecisionArg, parse_number, parse_size};
+use super::arguments::{BackendArg, ChangeArgs, parse_number, parse_size, precision_parser};
 use super::output::{self, Content, check_output};
 use super::progress::Progress;
 use super::session::talk;
@@ -72,8 +73,8 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
     /// Only this precision [default: both]
-    #[arg(long, value_enum)]
-    precision: Option<PrecisionArg>,
+    #[arg(long, value_parser = precision_parser())]
+    precision: Option<Precision>,
     /// Decades of zoom of `--kind depth`
     #[arg(long, value_name = "N", default_value_t = 14, value_parser = clap::value_parser!(u32).range(1..=15))]
     decades: u32,
@@ -169,7 +170,7 @@ fn format_of(path: &Path) -> Result<Format, Failure> {
 }
 
 fn backends(arguments: &Arguments) -> Result<Backends, Failure> {
-    let f64_only = arguments.precision == Some(PrecisionArg::F64);
+    let f64_only = arguments.precision == Some(Precision::F64);
     let backends = match arguments.backend {
         BackendArg::Gpu if f64_only => {
             let help = "drop one of them: f64 is measured on the CPU";
@@ -191,12 +192,12 @@ fn backends(arguments: &Arguments) -> Result<Backends, Failure> {
 fn targets(arguments: &Arguments, backends: &Backends) -> Vec<Target> {
     let wanted = |target: &Target| match arguments.precision {
         None => true,
-        Some(PrecisionArg::F64) => *target == Target::CpuF64,
-        Some(PrecisionArg::F32) => *target != Target::CpuF64,
+        Some(Precision::F64) => *target == Target::CPU_F64,
+        Some(Precision::F32) => *target != Target::CPU_F64,
     };
     let mut targets: Vec<Target> = backends.targets().into_iter().filter(wanted).collect();
     // f32 first: what renders take.
-    targets.sort_by_key(|t| *t == Target::CpuF64);
+    targets.sort_by_key(|t| *t == Target::CPU_F64);
     targets
 }
 
@@ -274,7 +275,12 @@ impl Chart<'_> {
         truths: &Truths,
         progress: &mut dyn FnMut(f64),
     ) -> Result<Sheet, Failure> {
-        let options = Options { size: view.size, target: self.targets[0], cache: None, ..Options::of_view(subject) };
+        let options = Options {
+            size: view.size,
+            precision: self.targets[0].precision(),
+            cache: None,
+            ..Options::of_view(subject)
+        };
         let calibration = calibrate(subject, &options, &mut |_| ());
         let calibration = calibration.map_err(|diagnostic| self.session.failure(diagnostic))?;
         calibration.warnings.iter().for_each(|warning| self.session.warn(warning));

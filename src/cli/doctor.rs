@@ -7,8 +7,9 @@ use bulbfold::compose::{Composer, Purpose, choose, compose_estimator};
 use bulbfold::engine::Error;
 use bulbfold::expr::Arena;
 use bulbfold::graph::EstimateSettings;
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::{Estimator, Kernel, inwards};
+use bulbfold::math::Precision;
 use clap::Args;
 
 use super::backend::{adapter_lines, run_everywhere};

@@ -115,12 +115,12 @@ fn ours(text: &str, points: &Points) -> Result<Ours, String> {
     let mut orbits = Vec::new();
     for iterations in 1..=points.iterations {
         let kernel = subject.orbit_kernel(iterations).map_err(|_| "the formula does not compose")?;
-        let states = subject.orbits(&backends, Target::CpuF64, &kernel, &points.near).map_err(|e| e.to_string())?;
+        let states = subject.orbits(&backends, Target::CPU_F64, &kernel, &points.near).map_err(|e| e.to_string())?;
         orbits.push(states.iter().map(|state| std::array::from_fn(|i| state.get(i).copied().unwrap_or(0.0))).collect());
     }
     let choices = subject.choices(Some(Method::Scalar)).or_else(|| subject.choices(None)).unwrap_or_default();
     let kernel = subject.estimator(&choices).map_err(|_| "the formula does not compose")?;
-    let found = subject.estimates(&backends, Target::CpuF64, &kernel, &points.far).map_err(|e| e.to_string())?;
+    let found = subject.estimates(&backends, Target::CPU_F64, &kernel, &points.far).map_err(|e| e.to_string())?;
     let distances = found.into_iter().map(|(distance, inside)| (!inside).then_some(distance)).collect();
     Ok(Ours { orbits, distances })
 }

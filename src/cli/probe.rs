@@ -8,15 +8,15 @@ use bulbfold::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimat
 use bulbfold::engine::{Observer, Request, Settling, Work};
 use bulbfold::expr::Arena;
 use bulbfold::graph::{Method, ValidGraph};
-use bulbfold::kernel::cpu::Precision;
 use bulbfold::kernel::template::Kept;
 use bulbfold::kernel::{Backend, BackendError, Estimator, Kernel, Status, inwards, march_output_ports};
 use bulbfold::march::{MarchSettings, compose_march};
-use bulbfold::render::{RenderSettings, in_precision};
+use bulbfold::math::Precision;
+use bulbfold::render::RenderSettings;
 use clap::{ArgGroup, Args};
 use serde_json::{Map, Value, json};
 
-use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PrecisionArg, parse_positive, parse_vector};
+use super::arguments::{AutoArgs, BackendArg, FormulaArgs, parse_positive, parse_vector, precision_parser};
 use super::points::read_rows;
 use super::{Failure, Outcome, Session, usage};
 
@@ -51,8 +51,8 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     /// Precision [default: f64]
-    #[arg(long, value_enum)]
-    precision: Option<PrecisionArg>,
+    #[arg(long, value_parser = precision_parser())]
+    precision: Option<Precision>,
     /// Where to compute
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
@@ -70,7 +70,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     let request = Request {
         backend: arguments.backend.choice(),
-        precision: arguments.precision.map(PrecisionArg::precision),
+        precision: arguments.precision,
         ..arguments.estimate.request(RenderSettings::default().size)
     };
     let precision = request.precision_or(Precision::F64).map_err(|error| session.failed(error))?;
@@ -127,12 +127,12 @@ impl Probe<'_> {
             .plan(self.graph)
             .and_then(|plan| settling.estimate(self.graph, plan, self.precision, &mut self.session.watch(true)));
         let plan = calibration.map_err(|error| self.session.failed(error))?.plan;
-        let plan = in_precision(plan, self.precision.min_difference());
+        let plan = plan.in_precision(self.precision);
         let estimator = compose_estimator(&self.composer(), &plan.choices, Purpose::Estimate);
         let estimator = estimator.map_err(|diagnostic| self.session.failure(diagnostic))?;
         let default = if self.arguments.hit_eps.is_some() { 0.0 } else { 1e-3 };
         let pixel_radius = self.arguments.pixel_radius.unwrap_or(default);
-        let settings = MarchSettings::of_plan(&plan, pixel_radius, self.precision.min_difference());
+        let settings = MarchSettings::of_plan(&plan, pixel_radius, self.precision);
         let settings = MarchSettings { hit_eps: self.arguments.hit_eps.unwrap_or(settings.hit_eps), ..settings };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
         let columns = ray_columns(rays, plan.bounding_radius)?;

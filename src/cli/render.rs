@@ -12,9 +12,7 @@ use bulbfold::render::Sampling;
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
-use super::arguments::{
-    AutoArgs, BackendArg, FormulaArgs, PicturePrecision, PrecisionArg, parse_fov, parse_size, parse_vector,
-};
+use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PicturePrecision, parse_fov, parse_size, parse_vector};
 use super::output::{Content, check_output, not_written, refuse_both};
 use super::progress::short;
 use super::session::{refuse_plane, talk};
@@ -135,7 +133,7 @@ impl Arguments {
             sampling: self.sampling.sampling(),
             camera: self.camera.change(),
             backend: self.backend.choice(),
-            precision: self.precision.given().map(PrecisionArg::precision),
+            precision: self.precision.given(),
             exact_rays: self.exact_rays,
             ..self.estimate.request(self.size.unwrap_or_else(|| self.default_size()))
         }

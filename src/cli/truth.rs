@@ -12,16 +12,16 @@ use bulbfold::compose::{Composer, Plan};
 use bulbfold::engine::{Observer, Request, Settling, Work};
 use bulbfold::expr::Arena;
 use bulbfold::graph::ValidGraph;
-use bulbfold::kernel::cpu::Precision;
 use bulbfold::kernel::template::Kept;
 use bulbfold::kernel::{Backend, BackendError, Kernel};
 use bulbfold::march::MarchSettings;
-use bulbfold::render::{camera_of, in_precision};
+use bulbfold::math::Precision;
+use bulbfold::render::camera_of;
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::arguments::{AutoArgs, BackendArg, ChangeArgs, PrecisionArg, parse_size};
+use super::arguments::{AutoArgs, BackendArg, ChangeArgs, parse_size, precision_parser};
 use super::points::read_rows;
 use super::progress::{Progress, short};
 use super::session::formula_files;
@@ -78,8 +78,8 @@ pub struct Arguments {
     #[command(flatten)]
     pub(super) estimate: AutoArgs,
     /// Precision of the march that is compared [default: f64]
-    #[arg(long, value_enum)]
-    precision: Option<PrecisionArg>,
+    #[arg(long, value_parser = precision_parser())]
+    precision: Option<Precision>,
     /// Where the march that is compared runs
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
@@ -115,7 +115,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path) -> Result<Measured, Failure> {
     let request = Request {
         backend: arguments.backend.choice(),
-        precision: arguments.precision.map(PrecisionArg::precision),
+        precision: arguments.precision,
         ..arguments.estimate.request(arguments.size)
     };
     let precision = request.precision_or(Precision::F64).map_err(|error| session.failed(error))?;
@@ -146,8 +146,8 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
     let truths = truths.map_err(|error| session.failure(error))?;
     let time = start.elapsed();
 
-    let plan = in_precision(plan, precision.min_difference());
-    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, precision.min_difference());
+    let plan = plan.in_precision(precision);
+    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, precision);
     let march = candidate(&composer, &plan.choices, &settings).map_err(|error| session.failure(error))?;
     let mut job = MarchJob { arena: &arena, march: &march, rays: &truths.rays, radius: scale.bounding_radius };
     let backends = session.engine.backends();

@@ -23,8 +23,9 @@ use super::measure::run_prepared;
 use super::reach::proofs;
 use super::{ComposeResult, Composer, Plan};
 use crate::graph::NodeKind;
-use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
+use crate::kernel::cpu::{Cpu, CpuKernel};
 use crate::kernel::{Backend, Estimator};
+use crate::math::Precision;
 
 /// What rays are cut to: a ball around the world's origin, and perhaps a box.
 #[derive(Clone, Copy, PartialEq, Debug)]

@@ -13,6 +13,7 @@ use crate::graph::{
     DeForm, Difference, DifferenceStep, Escape, EstimateSettings, Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Method,
     NodeKind, NodeRef, StopAt,
 };
+use crate::math::Precision;
 
 /// How distances are estimated from one orbit.
 #[derive(Clone, PartialEq, Debug, Serialize, Deserialize)]
@@ -43,8 +44,8 @@ pub struct Choice {
     pub extent: f64,
     /// Whether orbits end by the length of z: only then does the size of the threshold's image tell how much of the set is near.
     pub by_length: bool,
-    /// Relative error of one operation: proofs leave room for it.
-    pub unit: f64,
+    /// What it is computed in: proofs leave room for rounding.
+    pub precision: Precision,
     /// Methods that apply.
     pub applicable: Vec<Method>,
     /// Why this method and form.
@@ -68,7 +69,7 @@ impl Default for Choice {
             stops: false,
             extent: 0.0,
             by_length: true,
-            unit: UNIT_F32,
+            precision: Precision::F32,
             applicable: Vec::new(),
             reason: String::new(),
         }
@@ -98,15 +99,17 @@ pub struct Plan {
     pub warnings: Vec<String>,
 }
 
-/// [`Choice::unit`] of single precision.
-pub const UNIT_F32: f64 = 1.0 / (1u64 << 24) as f64;
-/// [`Choice::unit`] of double precision.
-pub const UNIT_F64: f64 = 1.0 / (1u64 << 53) as f64;
-
 impl Plan {
     /// True where every orbit is certified: the march then proposes how far a proof is to reach.
     pub fn is_certified(&self) -> bool {
         !self.choices.is_empty() && self.choices.iter().all(|c| c.method.is_certified())
+    }
+
+    /// The same, computed in a precision.
+    #[must_use]
+    pub fn in_precision(mut self, precision: Precision) -> Plan {
+        self.choices.iter_mut().for_each(|choice| choice.precision = precision);
+        self
     }
 
     /// The same with orbits that run on until they escape or `max_iterations` are done.
@@ -315,7 +318,7 @@ fn choose_orbit(
         stops: false,
         extent: 0.0,
         by_length: escape == Escape::Length,
-        unit: UNIT_F32,
+        precision: Precision::F32,
         applicable,
         reason,
     })

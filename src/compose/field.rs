@@ -1,6 +1,5 @@
 //! Distance fields: orbits, primitives and their combinations, joined into one estimator.
 
-use super::choose::UNIT_F32;
 use super::footprint::{follows_footprint, is_marked};
 use super::maps::{Moved, param_map};
 use super::orbit::compose_orbit;
@@ -16,6 +15,7 @@ use crate::graph::{
     DeForm, Method, NodeKind, NodeRef, OrbitSettings, Palette, ParamInput, Part, Primitive, SphereForm, Tiling,
 };
 use crate::kernel::{Estimator, EstimatorInputs, Orbit};
+use crate::math::Precision;
 
 /// Extent from which on r ln r / 2 dr, which is half of r ln r for a power, says more than the distance to the set's middle.
 const OUTGROWN: f64 = 4.5;
@@ -314,7 +314,7 @@ impl<'g> FieldBuilder<'_, 'g> {
 
     /// A distance of a frame in units of the outermost one.
     fn back(&self, frame: &Frame, d: Expr<'g>) -> ComposeResult<Expr<'g>> {
-        frame.distance_back(self.composer, self.at, d, UNIT_F32)
+        frame.distance_back(self.composer, self.at, d, Precision::F32.unit())
     }
 
     /// The nearest copies of a field, and no farther than others can be.
@@ -367,8 +367,8 @@ impl<'g> FieldBuilder<'_, 'g> {
         let warped = frame.maps().next().is_some() || (is_shape && way.maps().next().is_some());
         let d = match warped && !self.choices[i].method.is_certified() {
             true => {
-                let scale = way.scale_at(self.composer, self.at, UNIT_F32)?;
-                way.distance_back(self.composer, self.at, d / scale, UNIT_F32)?
+                let scale = way.scale_at(self.composer, self.at, Precision::F32.unit())?;
+                way.distance_back(self.composer, self.at, d / scale, Precision::F32.unit())?
             }
             false => d,
         };

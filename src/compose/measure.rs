@@ -8,8 +8,9 @@ use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, FieldOrbit, Purpose};
 use crate::expr::{Function, Port, Type};
 use crate::graph::{DeForm, NodeRef, OrbitSettings, resolve_schedule};
-use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
+use crate::kernel::cpu::{Cpu, CpuKernel};
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
+use crate::math::Precision;
 
 /// Unit vectors spread evenly over the sphere (Fibonacci lattice), turned by `turn`.
 pub(super) fn directions(count: usize, turn: f64) -> Vec<[f64; 3]> {

@@ -12,8 +12,9 @@ use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, FieldOrbit, Purpose};
 use crate::expr::{Expr, Function, Port, Type};
 use crate::graph::Method;
-use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
+use crate::kernel::cpu::{Cpu, CpuKernel};
 use crate::kernel::{Backend, Estimator, EstimatorInputs, Kernel};
+use crate::math::Precision;
 use crate::math::random::Random;
 
 /// Thresholds that are tried, in extents of the set: half a pixel of a thumbnail, and of a view three hundred times as close.

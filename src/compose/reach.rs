@@ -15,14 +15,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::choose::UNIT_F64;
 use super::measure::run_prepared;
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose, compose_estimator, field_orbits};
 use crate::graph::{DeForm, Method, NodeKind, Primitive};
-use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
+use crate::kernel::cpu::{Cpu, CpuKernel};
 use crate::kernel::work::Work;
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
+use crate::math::Precision;
 
 /// How a bounding radius is known.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -223,7 +223,7 @@ pub(super) fn proofs(composer: &Composer, choices: &[Choice], extent: Option<f64
     let with = |(choice, orbit): (&Choice, &super::FieldOrbit)| Choice {
         method: Method::CertifiedBall,
         form: form(choice.form),
-        unit: UNIT_F64,
+        precision: Precision::F64,
         extent: extent.map_or(choice.extent, |extent| extent / orbit.frame.scale()),
         ..choice.clone()
     };

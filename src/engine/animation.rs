@@ -9,7 +9,7 @@ use crate::compose::Plan;
 use crate::expr::Arena;
 use crate::formula::library::Library;
 use crate::graph::{EstimateSettings, ValidGraph};
-use crate::kernel::cpu::Precision;
+use crate::math::Precision;
 use crate::render::Iterations;
 
 /// A frame before it is settled.

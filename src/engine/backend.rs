@@ -7,11 +7,12 @@ use std::sync::PoisonError;
 use super::{BackendChoice, Error, Observer};
 #[cfg(feature = "gpu")]
 use crate::diag::Diagnostic;
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::kernel::gpu::{AdapterWanted, Gpu};
 use crate::kernel::template::Kept;
 use crate::kernel::{Backend, BackendError};
+use crate::math::Precision;
 
 /// How often a lost device is opened again for one piece of work. A driver that loses it at the same place every time gives up
 /// soon, and the CPU takes over.

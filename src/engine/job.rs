@@ -12,7 +12,7 @@ use crate::check::Formula;
 use crate::compose::{Composer, Plan};
 use crate::expr::Arena;
 use crate::graph::{Camera, ValidGraph};
-use crate::kernel::cpu::Precision;
+use crate::math::Precision;
 use crate::render::{Iterations, Pipeline, RenderSettings, compose_planned};
 use crate::shade::Size;
 

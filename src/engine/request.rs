@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::Error;
 use crate::check::truth::Budget;
 use crate::graph::{Camera, EstimateSettings};
-use crate::kernel::cpu::Precision;
+use crate::math::Precision;
 use crate::render::{RenderSettings, Sampling};
 use crate::shade::{CameraFrame, Size, turned};
 
@@ -143,7 +143,7 @@ impl Request {
             size: self.size,
             samples: self.samples,
             sampling: self.sampling,
-            min_difference: precision.min_difference(),
+            precision,
             estimate: self.estimate,
             plain: self.exact_rays,
             ..RenderSettings::default()

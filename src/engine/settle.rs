@@ -7,13 +7,13 @@ use std::sync::Arc;
 
 use super::{BackendChoice, Error, Observer, Request, Stage};
 use crate::calibrate::{Calibration, Options, cache, calibrate};
-use crate::check::{Subject, Target};
+use crate::check::Subject;
 use crate::compose::{Composer, Plan, choose};
 use crate::diag::Diagnostic;
 use crate::expr::Arena;
 use crate::formula::library::Library;
 use crate::graph::{Camera, ValidGraph};
-use crate::kernel::cpu::Precision;
+use crate::math::Precision;
 use crate::precision::{LEAST_ULPS, Resolution, resolution};
 use crate::render::{Iterations, Standpoint, camera_of, compose_planned, standpoint};
 
@@ -185,7 +185,7 @@ impl<'a> Settling<'a> {
             wanted: self.request.estimate,
             camera: subject.graph.camera.unwrap_or_else(|| crate::calibrate::camera_of(subject)),
             size: self.request.size,
-            target: if precision == Precision::F64 { Target::CpuF64 } else { Target::CpuF32 },
+            precision,
             effort: self.request.effort,
             cache: cache::folder(),
             ..Options::of_view(subject)

@@ -11,7 +11,8 @@
 //! ```
 //! use std::sync::Arc;
 //! use bulbfold::expr::{Arena, Function, Port, Type};
-//! use bulbfold::kernel::{Backend, Kernel, template::Templates, cpu::{Cpu, Precision}};
+//! use bulbfold::kernel::{Backend, Kernel, cpu::Cpu, template::Templates};
+//! use bulbfold::math::Precision;
 //!
 //! let mut templates = Templates::default();
 //! for scale in [2.0, 3.0] {

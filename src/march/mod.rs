@@ -23,6 +23,7 @@ use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::{DifferenceStep, LEAST_STEP, StopAt};
 use crate::kernel::{Estimator, March, Status, march_state_ports, ray_ports};
+use crate::math::Precision;
 
 /// How far rays go and when they stop.
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -37,9 +38,8 @@ pub struct MarchSettings {
     pub max_march_steps: u32,
     /// Shortest step as a share of the hit threshold: what is thinner along a ray may be stepped over.
     pub least_step: f64,
-    /// Least step of finite differences, as a share of the larger of 1 and the point's coordinates: below it the
-    /// precision has no digits left.
-    pub min_difference: f64,
+    /// What it is computed in: steps, differences and bisections stay above what that can tell apart.
+    pub precision: Precision,
     /// Whether estimates are proofs: `h` then says how far the next one is to reach.
     pub certified: bool,
     /// Step of finite differences, where that is above the least one.
@@ -56,10 +56,6 @@ const MAX_STEPS: u32 = 1000;
 /// The same where estimates are proofs: a ray walks as long as it must through what can't be proven. Beside the axis of an
 /// asin bulb of power 2 that takes thousands of steps.
 const MAX_STEPS_OF_PROOFS: u32 = 20_000;
-/// [`MarchSettings::min_difference`] for single precision.
-pub const MIN_DIFFERENCE_F32: f64 = 1e-5;
-/// [`MarchSettings::min_difference`] for double precision.
-pub const MIN_DIFFERENCE_F64: f64 = 1e-8;
 
 impl Default for MarchSettings {
     fn default() -> Self {
@@ -69,7 +65,7 @@ impl Default for MarchSettings {
             hit_eps: 0.0,
             max_march_steps: MAX_STEPS,
             least_step: LEAST_STEP,
-            min_difference: MIN_DIFFERENCE_F32,
+            precision: Precision::F32,
             certified: false,
             difference_step: DifferenceStep::default(),
             stops_at_threshold: false,
@@ -79,8 +75,8 @@ impl Default for MarchSettings {
 }
 
 impl MarchSettings {
-    /// How a plan's estimates are marched: what is not the plan's is a hit threshold and the precision's.
-    pub fn of_plan(plan: &Plan, pixel_radius: f64, min_difference: f64) -> MarchSettings {
+    /// How a plan's estimates are marched: what is not the plan's is a hit threshold and the precision.
+    pub fn of_plan(plan: &Plan, pixel_radius: f64, precision: Precision) -> MarchSettings {
         MarchSettings {
             fudge: plan.fudge,
             // Half a pixel, or what the plan says.
@@ -95,7 +91,7 @@ impl MarchSettings {
             },
             stops_at_threshold: plan.stop_at.is_some(),
             least_step: plan.least_step,
-            min_difference,
+            precision,
             certified: plan.is_certified(),
             max_march_steps: if plan.is_certified() { MAX_STEPS_OF_PROOFS } else { MAX_STEPS },
             difference_step: plan.difference_step,
@@ -157,7 +153,7 @@ impl<'g> Inputs<'g> {
             DifferenceStep::Share(share) => self.last_de * share,
             DifferenceStep::Fixed(step) => p.arena.f(step),
         };
-        wanted.max(largest * settings.min_difference)
+        wanted.max(largest * settings.precision.min_difference())
     }
 }
 
@@ -189,13 +185,12 @@ fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
 
 /// The least step that any precision has at `t`.
 fn least_gap<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
-    ray.t * (2.0 * f64::from(f32::EPSILON)) + settings.min_difference * 0.01
+    ray.t * (2.0 * f64::from(f32::EPSILON)) + settings.precision.min_difference() * 0.01
 }
 
 /// How near to each other the ends of a bisection need to be, somewhere around `t`: there is always a number between farther ones.
 fn narrow_gap<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
-    let spacing = if settings.min_difference <= MIN_DIFFERENCE_F64 { f64::EPSILON } else { f64::from(f32::EPSILON) };
-    ray.t * (settings.pixel_radius * BISECTION).max(4.0 * spacing) + settings.hit_eps * BISECTION
+    ray.t * (settings.pixel_radius * BISECTION).max(4.0 * settings.precision.epsilon()) + settings.hit_eps * BISECTION
 }
 
 /// The new state of a ray from its state and the estimate at `t`.

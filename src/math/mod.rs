@@ -24,9 +24,11 @@
 //! the zeroth. Beyond 6e6, sine and cosine of `Lanes` are those of some other angle.
 
 pub mod lanes;
+pub mod precision;
 pub mod random;
 pub mod real;
 pub mod scalar;
 
 pub use lanes::Lanes;
+pub use precision::Precision;
 pub use real::{Pack, Real};

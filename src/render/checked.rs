@@ -12,9 +12,8 @@ use super::{BeamUse, Pipeline, RenderSettings};
 use crate::compose::Bounds;
 use crate::expr::Arena;
 use crate::graph::Camera;
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 use crate::kernel::{Backend, BackendError, Kernel, Status};
-use crate::march::MIN_DIFFERENCE_F64;
 use crate::shade::{compose_camera, pixel_radius};
 
 /// Rays that are marched with and without at most, and which share of a picture's.
@@ -97,8 +96,7 @@ fn sampled(settings: &RenderSettings) -> Option<Vec<(u32, u32)>> {
 
 /// The same machine code everywhere: sines of longer vectors differ in their last bits.
 fn cpu_of(settings: &RenderSettings) -> Cpu {
-    let is_double = settings.min_difference <= MIN_DIFFERENCE_F64;
-    Cpu::new(if is_double { Precision::F64 } else { Precision::F32 }).narrow()
+    Cpu::new(settings.precision).narrow()
 }
 
 /// Columns of the centres of pixels.

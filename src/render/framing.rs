@@ -12,9 +12,10 @@ use crate::compose::{
 };
 use crate::expr::Arena;
 use crate::graph::{Camera, IterationLimit, ValidGraph};
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 use crate::kernel::{Backend, Estimator, Kernel, Status, inwards, march_output_ports};
-use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, compose_march};
+use crate::march::{MarchSettings, compose_march};
+use crate::math::Precision;
 use crate::shade::{self, CameraFrame, Size, compose_camera, frame_automatically, pixel_radius};
 
 /// Rays that look for what is there.
@@ -100,8 +101,8 @@ fn hits(composer: &Composer, plan: &Plan, camera: &Camera, size: Size, grid: Siz
     let cpu = Cpu::new(Precision::F64);
     let bounds = Bounds::ball(plan.bounding_radius);
     let camera_kernel = Kernel::Map(compose_camera(arena, camera, size, &bounds));
-    let settings = MarchSettings::of_plan(plan, pixel_radius(camera, size), MIN_DIFFERENCE_F64);
-    let plan = super::pipeline::in_precision(plan.clone(), MIN_DIFFERENCE_F64);
+    let settings = MarchSettings::of_plan(plan, pixel_radius(camera, size), Precision::F64);
+    let plan = plan.clone().in_precision(Precision::F64);
     let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
     let march = Kernel::March(compose_march(arena, estimator, &settings));
     let place = |i: u32, of: u32, edge: u32| (f64::from(i) + 0.5) / f64::from(of) * f64::from(edge);

@@ -19,14 +19,14 @@ mod stats;
 pub use beams::{BeamKernels, BeamTiles};
 pub use checked::beams_hold;
 pub use framing::{Iterations, Standpoint, automatic_camera, camera_of, standpoint};
-pub use pipeline::{Pipeline, Shape, compose_pipeline, compose_planned, in_precision};
+pub use pipeline::{Pipeline, Shape, compose_pipeline, compose_planned};
 pub use renderer::{Cut, Renderer};
 pub use stats::Stats;
 
 use serde::{Deserialize, Serialize};
 
 use crate::graph::EstimateSettings;
-use crate::march::MIN_DIFFERENCE_F32;
+use crate::math::Precision;
 use crate::shade::Size;
 
 /// Which pixels get all their samples.
@@ -64,8 +64,8 @@ pub struct RenderSettings {
     pub sampling: Sampling,
     /// Hit threshold in pixel radii.
     pub detail: f64,
-    /// Least relative step of finite differences, by the precision of the back end (see [`MarchSettings`](crate::march::MarchSettings)).
-    pub min_difference: f64,
+    /// The precision of the back end that it is rendered on.
+    pub precision: Precision,
     /// Every ray is marched from the bounding sphere by steps no longer than an estimate, every orbit iterated until it escapes
     /// or `max_iterations` are done, shadow rays as sharply as primary ones: what everything else is compared with.
     pub plain: bool,
@@ -86,7 +86,7 @@ impl Default for RenderSettings {
             samples: 1,
             sampling: Sampling::default(),
             detail: 1.0,
-            min_difference: MIN_DIFFERENCE_F32,
+            precision: Precision::F32,
             plain: false,
             boxed: false,
             beams: BeamUse::default(),

@@ -5,12 +5,11 @@ use super::checked::box_holds;
 use super::framing::camera_of;
 use super::plane::compose_plane;
 use super::{BeamUse, RenderSettings};
-use crate::compose::choose::{UNIT_F32, UNIT_F64};
 use crate::compose::{Bounds, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::graph::{Camera, Look, Plane};
 use crate::kernel::Kernel;
-use crate::march::{MIN_DIFFERENCE_F64, MarchSettings, SKIPPED, compose_march, compose_shadow_march, shadow_plan};
+use crate::march::{MarchSettings, SKIPPED, compose_march, compose_shadow_march, shadow_plan};
 use crate::shade::{self, CameraFrame};
 
 /// Samples of a picture that a search for a box pays for.
@@ -82,7 +81,7 @@ pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Resul
 
 /// Composes the kernels of a fractal's picture with the estimates of a plan; `settings.estimate` is not asked.
 pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan: Plan) -> Result<Pipeline, Diagnostic> {
-    plan = in_precision(plan, settings.min_difference);
+    plan = plan.in_precision(settings.precision);
     if !settings.early_ends {
         plan = plan.with_late_ends();
     }
@@ -94,7 +93,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let arena = composer.arena;
     let frame = CameraFrame::new(&camera);
     let pixel_radius = shade::pixel_radius(&camera, settings.size);
-    let mut march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
+    let mut march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.precision);
     if settings.plain {
         march.relaxation = 1.0;
     }
@@ -111,7 +110,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         true => Ok(compose_march(arena, estimator, &march)),
         false => {
             let plan = shadow_plan(&plan);
-            let march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.min_difference);
+            let march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.precision);
             Ok(compose_shadow_march(arena, compose_estimator(composer, &plan.choices, purpose)?, &march))
         }
     });
@@ -129,7 +128,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, &bounds)),
         beams,
         march: marched,
-        surface_point: Kernel::Map(shade::compose_surface_point(arena, threshold, settings.min_difference)),
+        surface_point: Kernel::Map(shade::compose_surface_point(arena, threshold, settings.precision)),
         surface: Kernel::Estimate(compose_estimator(composer, &plan.choices, Purpose::Surface)?),
         shadow_ray,
         shadow_march,
@@ -157,15 +156,4 @@ fn bounds_of(
     // The CPU runs every kernel.
     let holds = !is_tried || box_holds(composer.arena, camera, settings, &bounds, march).unwrap_or(false);
     Ok(if holds { bounds } else { ball })
-}
-
-/// The plan as it is run in the precision that a least step of finite differences belongs to.
-pub fn in_precision(mut plan: Plan, min_difference: f64) -> Plan {
-    plan.choices.iter_mut().for_each(|choice| choice.unit = unit_of(min_difference));
-    plan
-}
-
-/// The relative error of one operation in the precision that a least step of finite differences belongs to.
-fn unit_of(min_difference: f64) -> f64 {
-    if min_difference <= MIN_DIFFERENCE_F64 { UNIT_F64 } else { UNIT_F32 }
 }

@@ -20,7 +20,7 @@ pub(super) fn compose_plane(
     let pixel_radius = shade::pixel_size(plane, settings.size) / 2.0;
     let march = MarchSettings {
         hit_eps: pixel_radius,
-        min_difference: settings.min_difference,
+        precision: settings.precision,
         difference_step: plan.difference_step,
         ..MarchSettings::default()
     };
@@ -33,7 +33,7 @@ pub(super) fn compose_plane(
         camera_kernel: Kernel::Map(shade::compose_plane_camera(arena, plane, settings.size)),
         beams: None,
         march: Kernel::March(compose_still(arena, estimator, &march)),
-        surface_point: Kernel::Map(shade::compose_plane_point(arena, pixel_radius, settings.min_difference)),
+        surface_point: Kernel::Map(shade::compose_plane_point(arena, pixel_radius, settings.precision)),
         surface: Kernel::Estimate(compose_estimator(composer, &plan.choices, Purpose::Surface)?),
         shadow_ray: None,
         shadow_march: None,

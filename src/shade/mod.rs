@@ -16,6 +16,7 @@ use crate::compose::{Bounds, Sides};
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::{Camera, Look};
 use crate::kernel::{Status, march_output_ports, ray_ports};
+use crate::math::Precision;
 
 /// Picture geometry.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Serialize, Deserialize)]
@@ -206,8 +207,8 @@ fn sphere_range<'g>(origin: Expr<'g>, direction: Expr<'g>, radius: Expr<'g>) -> 
 /// Rays and march results to the points where surfaces are looked at: a hit threshold in front of the hit, so that
 /// normals are those of features about as large as a pixel. Other pixels get a negative `hit_eps`.
 ///
-/// `min_difference` is the least step of finite differences, as marches take it.
-pub fn compose_surface_point(arena: &Arena, threshold: Threshold, min_difference: f64) -> Function {
+/// `precision` decides the least step of finite differences, as it does in marches.
+pub fn compose_surface_point(arena: &Arena, threshold: Threshold, precision: Precision) -> Function {
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
     let mut function = Function::new("surface_point", ports);
@@ -216,7 +217,7 @@ pub fn compose_surface_point(arena: &Arena, threshold: Threshold, min_difference
     let t = ray.front(hit_eps);
     function.output("p", ray.origin + ray.direction * t);
     function.output("d", ray.direction);
-    function.output("h", (hit_eps * 0.1).max((ray.t * 0.1 + 1.0) * min_difference));
+    function.output("h", (hit_eps * 0.1).max((ray.t * 0.1 + 1.0) * precision.min_difference()));
     function.output("hit_eps", ray.is_hit.select(hit_eps, arena.f(-1.0)));
     function
 }

@@ -5,6 +5,7 @@ use crate::compose::paint::{paint, usable_trap};
 use crate::expr::{Arena, Function, Port, Type};
 use crate::graph::{Camera, Look, Plane};
 use crate::kernel::{march_output_ports, ray_ports};
+use crate::math::Precision;
 
 /// Share of the picture's height at which the colour outside is halfway from the palette's to the background's.
 const HALFWAY: f64 = 0.03;
@@ -42,7 +43,7 @@ pub fn compose_plane_camera(arena: &Arena, plane: &Plane, size: Size) -> Functio
 
 /// Rays of [`compose_plane_camera`] and their ends to the points whose traps are looked at: those outside. Other pixels
 /// get a negative `hit_eps`.
-pub fn compose_plane_point(arena: &Arena, hit_eps: f64, min_difference: f64) -> Function {
+pub fn compose_plane_point(arena: &Arena, hit_eps: f64, precision: Precision) -> Function {
     let mut ports = ray_ports();
     ports.extend(march_output_ports());
     let mut function = Function::new("plane_point", ports);
@@ -50,7 +51,7 @@ pub fn compose_plane_point(arena: &Arena, hit_eps: f64, min_difference: f64) -> 
     let size = ray.origin.length();
     function.output("p", ray.origin);
     function.output("d", ray.direction);
-    function.output("h", size.max(arena.f(1.0)) * min_difference);
+    function.output("h", size.max(arena.f(1.0)) * precision.min_difference());
     function.output("hit_eps", ray.is_hit.select(arena.f(-1.0), arena.f(hit_eps)));
     function
 }

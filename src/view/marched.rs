@@ -5,9 +5,10 @@ use crate::check::truth::{Ray, Scale, Truths};
 use crate::compose::{ComposeResult, Composer, Purpose, compose_estimator};
 use crate::expr::Arena;
 use crate::film::tiles;
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
 use crate::march::stop_at_crossing;
+use crate::math::Precision;
 use crate::render::Pipeline;
 use crate::shade::Size;
 

@@ -9,7 +9,7 @@ use bulbfold::check::truth::{Judgement, Scale, Truths, candidate, ends, ray_colu
 use bulbfold::check::{Backends, Formula, Target};
 use bulbfold::graph::EstimateSettings;
 use bulbfold::march::MarchSettings;
-use bulbfold::render::in_precision;
+use bulbfold::math::Precision;
 use bulbfold::shade::Size;
 
 /// Pixels of a small picture: the truth is as fine as they are.
@@ -34,12 +34,11 @@ fn judge(formula: &Formula, calibration: &Calibration, options: &Options, seed: 
     let composer = subject.composer();
     let truths = Truths::find(&composer, &subject.plan.choices, &rays, scale, &mut |_| true);
     let truths = truths.unwrap_or_else(|e| panic!("{}", e.message));
-    let least = Target::CpuF32.min_difference();
-    let plan = in_precision(calibration.plan.clone(), least);
-    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, least);
+    let plan = calibration.plan.clone().in_precision(Precision::F32);
+    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, Precision::F32);
     let march = candidate(&composer, &plan.choices, &settings).unwrap_or_else(|e| panic!("{}", e.message));
     let columns = ray_columns(&rays, scale.bounding_radius);
-    let out = Backends::cpu_only().run(Target::CpuF32, subject.arena, &march, &columns).unwrap();
+    let out = Backends::cpu_only().run(Target::CPU_F32, subject.arena, &march, &columns).unwrap();
     truths.judge(&ends(&out, rays.len()))
 }
 

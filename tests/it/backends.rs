@@ -22,8 +22,8 @@ fn backends() -> &'static Backends {
 /// logarithm or root; finite differences are given their own.
 fn slack(target: Target, method: Method) -> f64 {
     match (target, method) {
-        (Target::CpuF64, Method::Delta) => 2e-2, // forward differences over a hundredth of the estimate
-        (Target::CpuF64, _) => 1e-9,
+        (Target::CPU_F64, Method::Delta) => 2e-2, // forward differences over a hundredth of the estimate
+        (Target::CPU_F64, _) => 1e-9,
         (_, Method::Delta) => 3e-2,
         (_, _) => 2e-5,
     }
@@ -80,12 +80,12 @@ fn expect_estimates(text: &str, methods: &[Option<Method>], points: &[P], expect
 fn expect_equal(a: &str, b: &str, points: &[P]) {
     let other = formula(b);
     let backends = backends();
-    let reference = estimates(backends, Target::CpuF64, &other.subject(), None, points);
+    let reference = estimates(backends, Target::CPU_F64, &other.subject(), None, points);
     let formula = formula(a);
     let subject = formula.subject();
     for target in backends.targets() {
         // Orbits of several iterations: rounding grows with each.
-        let tolerance = if target == Target::CpuF64 { 1e-9 } else { 2e-3 };
+        let tolerance = if target == Target::CPU_F64 { 1e-9 } else { 2e-3 };
         let found = estimates(backends, target, &subject, None, points);
         for ((p, a), b) in points.iter().zip(found).zip(&reference) {
             let near = (a.0 - b.0).abs() <= tolerance * b.0.abs().max(0.1);
@@ -120,7 +120,7 @@ fn sphere_has_exact_depth_on_every_back_end() {
         })
         .collect();
     for target in backends.targets() {
-        let eps = if target == Target::CpuF64 { 1e-8 } else { 1e-4 };
+        let eps = if target == Target::CPU_F64 { 1e-8 } else { 1e-4 };
         let depths = subject.depths(backends, target, &rays, eps).unwrap().unwrap_or_else(|e| panic!("{}", e.message));
         for ((o, d), found) in rays.iter().zip(depths) {
             let b: f64 = (0..3).map(|i| o[i] * d[i]).sum();
@@ -226,10 +226,10 @@ fn scaling_the_scene_scales_the_estimate() {
         let kernel_points = points(100, 0.5, 6.0);
         let scaled: Vec<P> = kernel_points.iter().map(|p| p.map(|x| x * scale)).collect();
         let backends = backends();
-        let reference = estimates(backends, Target::CpuF64, &plain.subject(), None, &kernel_points);
+        let reference = estimates(backends, Target::CPU_F64, &plain.subject(), None, &kernel_points);
         let formula = formula(&placed);
         for target in backends.targets() {
-            let tolerance = if target == Target::CpuF64 { 1e-9 } else { 1e-4 };
+            let tolerance = if target == Target::CPU_F64 { 1e-9 } else { 1e-4 };
             for (a, b) in estimates(backends, target, &formula.subject(), None, &scaled).iter().zip(&reference) {
                 assert!((a.0 - scale * b.0).abs() <= tolerance * (scale * b.0).max(1.0), "{target:?}: {a:?} {b:?}");
             }

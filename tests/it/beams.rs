@@ -6,7 +6,8 @@ use bulbfold::check::{Backends, Formula, Subject, Target};
 use bulbfold::compose::{Plan, choose};
 use bulbfold::graph::{Camera, EstimateSettings, Method};
 use bulbfold::kernel::Status;
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
+use bulbfold::math::Precision;
 use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_planned};
 use bulbfold::shade::{CameraFrame, Size, pixel_radius};
 
@@ -15,7 +16,7 @@ const SIZE: Size = Size { width: 320, height: 240 };
 const RAYS: usize = 2000;
 
 fn settings(size: Size, plain: bool, target: Target) -> RenderSettings {
-    RenderSettings { size, plain, min_difference: target.min_difference(), ..RenderSettings::default() }
+    RenderSettings { size, plain, precision: target.precision(), ..RenderSettings::default() }
 }
 
 fn planned(subject: &Subject, wanted: &EstimateSettings) -> Plan {
@@ -102,7 +103,7 @@ fn pictures_take_half_the_estimates() {
         let plan = planned(&formula.subject(), &wanted);
         let size = Size { width: 640, height: 480 };
         // As many samples as `render` takes.
-        let two = |plain| RenderSettings { samples: 2, ..settings(size, plain, Target::CpuF32) };
+        let two = |plain| RenderSettings { samples: 2, ..settings(size, plain, Target::CPU_F32) };
         let [plain, new] = [true, false].map(|plain| counted(&formula, &plan, &two(plain)));
         let [rays, all] = [
             (plain.estimates, new.beam_estimates + new.estimates),
@@ -173,9 +174,9 @@ fn beams_of_proofs_leave_nothing_out() {
         let subject = formula.subject();
         for method in [Method::Certified, Method::CertifiedBall] {
             let plan = planned(&subject, &EstimateSettings { method: Some(method), ..EstimateSettings::default() });
-            let camera = pipeline(&subject, &settings(SIZE, false, Target::CpuF64), &plan).camera;
+            let camera = pipeline(&subject, &settings(SIZE, false, Target::CPU_F64), &plan).camera;
             let (chosen, truths) = truths(&subject, &plan, &camera);
-            for target in [Target::CpuF64, Target::CpuF32] {
+            for target in [Target::CPU_F64, Target::CPU_F32] {
                 let settings = settings(SIZE, false, target);
                 let stats = counted(&formula, &plan, &settings);
                 assert!(stats.beam_estimates > 0 && stats.beam_estimates < stats.estimates, "{name}: {stats:?}");
@@ -197,7 +198,7 @@ fn methods_of_one_direction_have_no_beams() {
     let subject = formula.subject();
     for (method, has) in [(Method::Directional, false), (Method::DeltaRay, false), (Method::Delta, true)] {
         let plan = planned(&subject, &EstimateSettings { method: Some(method), ..EstimateSettings::default() });
-        let settings = settings(SIZE, false, Target::CpuF32);
+        let settings = settings(SIZE, false, Target::CPU_F32);
         assert_eq!(pipeline(&subject, &settings, &plan).beams.is_some(), has, "{}", method.name());
     }
 }
@@ -221,7 +222,7 @@ fn wide_views_from_within_lose_nothing() {
     let subject = formula.subject();
     let plan = formula.plan().clone();
     for samples in [1, 4] {
-        for target in [Target::CpuF64, Target::CpuF32] {
+        for target in [Target::CPU_F64, Target::CPU_F32] {
             let size = Size { width: 203, height: 149 };
             let found = [true, false].map(|plain| {
                 let settings = RenderSettings { samples, ..settings(size, plain, target) };
@@ -252,7 +253,7 @@ fn empty_pixels_cost_no_estimate() {
     let formula = formula(text);
     let size = Size { width: 320, height: 240 };
     let [plain, new] =
-        [true, false].map(|plain| counted(&formula, formula.plan(), &settings(size, plain, Target::CpuF32)));
+        [true, false].map(|plain| counted(&formula, formula.plan(), &settings(size, plain, Target::CPU_F32)));
     let pixels = u64::from(size.width * size.height);
     assert!(plain.estimates > 4 * pixels, "{plain:?}");
     // Hits and a rim around them are all that is marched.
@@ -274,7 +275,7 @@ fn shadows_stay_where_they_are() {
     let formula = formula(text);
     let subject = formula.subject();
     let [plain, new] = [true, false].map(|plain| {
-        let settings = settings(SIZE, plain, Target::CpuF32);
+        let settings = settings(SIZE, plain, Target::CPU_F32);
         let pipeline = pipeline(&subject, &settings, formula.plan());
         let cpu = Cpu::new(Precision::F32);
         let mut renderer = Renderer::new(&cpu, subject.arena, &pipeline, &settings).unwrap();

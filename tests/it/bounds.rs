@@ -3,7 +3,8 @@
 use bulbfold::check::truth::Members;
 use bulbfold::check::{Backends, Formula, Target};
 use bulbfold::compose::{Bounds, Sides};
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
+use bulbfold::math::Precision;
 use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_planned};
 use bulbfold::shade::Size;
 
@@ -73,8 +74,8 @@ const SIZE: Size = Size { width: 512, height: 512 };
 /// A picture's kernels with a box and without.
 fn pipelines(formula: &Formula, target: Target, size: Size) -> [(RenderSettings, Pipeline); 2] {
     [true, false].map(|boxed| {
-        let min_difference = target.min_difference();
-        let settings = RenderSettings { size, samples: 2, boxed, min_difference, ..RenderSettings::default() };
+        let precision = target.precision();
+        let settings = RenderSettings { size, samples: 2, boxed, precision, ..RenderSettings::default() };
         let pipeline = compose_planned(&formula.subject().composer(), &settings, formula.plan().clone());
         let pipeline = pipeline.unwrap_or_else(|e| panic!("{}", e.message));
         assert_eq!(pipeline.bounds.sides.is_some(), boxed);
@@ -105,7 +106,7 @@ fn a_box_saves_estimates() {
     for (name, most) in [("menger", 0.75), ("sierpinski_tetrahedron", 0.95)] {
         let formula = Formula::builtin(name).unwrap();
         let cpu = Cpu::new(Precision::F32);
-        let [with, without] = pipelines(&formula, Target::CpuF32, SIZE).map(|(settings, pipeline)| {
+        let [with, without] = pipelines(&formula, Target::CPU_F32, SIZE).map(|(settings, pipeline)| {
             let mut renderer = Renderer::new(&cpu, formula.subject().arena, &pipeline, &settings).unwrap();
             renderer.render(&mut |_| true).unwrap();
             renderer.stats

@@ -76,7 +76,7 @@ fn members(formula: &Formula, random: &mut Random, count: usize) -> Vec<P> {
             (from, d)
         })
         .collect();
-    let depths = subject.depths(&Backends::cpu_only(), Target::CpuF64, &rays, 1e-6 * radius);
+    let depths = subject.depths(&Backends::cpu_only(), Target::CPU_F64, &rays, 1e-6 * radius);
     let depths = depths.unwrap().unwrap_or_else(|e| panic!("{}", e.message));
     let hits: Vec<P> = rays.iter().zip(depths).filter_map(|(ray, t)| Some(at(ray.0, ray.1, t?))).collect();
     // What a tie of rounding would decide is not known to be in the set.
@@ -109,7 +109,7 @@ fn attack(name: &str, formula: &Formula, backends: &Backends, method: Method, ta
         let (de, inside) = (out[0][i], out[1][i] > 0.5);
         proven += usize::from(!inside && de > 0.0);
         // The point itself is rounded to single precision before anything is proven about it.
-        let rounding = if target == Target::CpuF64 { 1e-12 } else { 3e-7 } * radius;
+        let rounding = if target == Target::CPU_F64 { 1e-12 } else { 3e-7 } * radius;
         assert!(
             inside || de <= distance * (1.0 + 1e-9) + rounding,
             "{name}, {} on {}: {de} around {:?} is said to be empty (start {}), but {member:?} at {distance} is in the set",
@@ -127,7 +127,7 @@ fn attack_all(tries: usize) {
     for system in SYSTEMS {
         let formula = formula(*system);
         for method in [Method::CertifiedBall, Method::Certified] {
-            for target in [Target::CpuF64, Target::CpuF32] {
+            for target in [Target::CPU_F64, Target::CPU_F32] {
                 let proven = attack(system.0, &formula, &backends, method, target, tries);
                 println!(
                     "{:<24} {:<15} {}: {proven} of {tries} proved something",

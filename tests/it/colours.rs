@@ -7,8 +7,9 @@ use bulbfold::compose::{Composer, Purpose, choose, compose_estimator};
 use bulbfold::expr::Arena;
 use bulbfold::graph::EstimateSettings;
 use bulbfold::graph::print::listing_with_look;
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::{Estimator, Kernel, wgsl};
+use bulbfold::math::Precision;
 use bulbfold::render::{RenderSettings, Renderer, compose_pipeline};
 use bulbfold::shade::Size;
 
@@ -97,7 +98,7 @@ fn traps(text: &str, point: [f64; 3]) -> [f64; 4] {
     let (backends, kernel) = (Backends::new(), Kernel::Estimate(surface));
     let on = |target| backends.run(target, &arena, &kernel, &columns).unwrap_or_else(|error| panic!("{error}"));
     let of = |columns: Vec<Vec<f64>>| [3, 4, 5, 6].map(|i| columns[i][0]);
-    let exact = of(on(Target::CpuF64));
+    let exact = of(on(Target::CPU_F64));
     for target in backends.targets() {
         let found = of(on(target));
         let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-3 * b.abs().max(1.0);

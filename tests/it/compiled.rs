@@ -7,9 +7,10 @@ use bulbfold::diag::Diagnostics;
 use bulbfold::expr::Arena;
 use bulbfold::formula::library::Library;
 use bulbfold::graph::{EstimateSettings, Method};
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::{Backend, Estimator, Kernel};
 use bulbfold::load::load;
+use bulbfold::math::Precision;
 use bulbfold::render::{Pipeline, RenderSettings, compose_pipeline};
 use bulbfold::shade::Size;
 

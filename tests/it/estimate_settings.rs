@@ -5,6 +5,7 @@ use bulbfold::compose::{Purpose, compose_estimator};
 use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, StopAt};
 use bulbfold::kernel::Kernel;
 use bulbfold::march::{MarchSettings, compose_march};
+use bulbfold::math::Precision;
 
 fn formula(text: &str) -> Formula {
     Formula::from_ron(text).unwrap_or_else(|error| panic!("{text}\n{error}"))
@@ -15,7 +16,7 @@ fn formula(text: &str) -> Formula {
 fn marches_take_the_step_that_is_asked_for() {
     let text =
         r#"(nodes: { "square": quaternion_square() }, bounding_radius: 2, estimate: (method: delta, step: STEP))"#;
-    let (least, last_de, p) = (1e-5, 0.5, [3.0, 0.0, 0.0]);
+    let (precision, last_de, p) = (Precision::F32, 0.5, [3.0, 0.0, 0.0]);
     for (step, parsed, wanted) in [
         ("Share(0.1)", DifferenceStep::Share(0.1), 0.05),
         ("Share(1e-6)", DifferenceStep::Share(1e-6), 3e-5),
@@ -27,7 +28,7 @@ fn marches_take_the_step_that_is_asked_for() {
         assert_eq!((plan.choices[0].method, plan.difference_step), (Method::Delta, parsed));
         let subject = formula.subject();
         let estimator = compose_estimator(&subject.composer(), &plan.choices, Purpose::March);
-        let settings = MarchSettings { min_difference: least, difference_step: parsed, ..MarchSettings::default() };
+        let settings = MarchSettings { precision, difference_step: parsed, ..MarchSettings::default() };
         let march = compose_march(subject.arena, estimator.unwrap_or_else(|e| panic!("{}", e.message)), &settings);
         let names: Vec<String> = march.locate.output_ports().into_iter().map(|port| port.name).collect();
         assert_eq!(names, ["p", "d", "h", "hit_eps"]);
@@ -35,7 +36,7 @@ fn marches_take_the_step_that_is_asked_for() {
         let ray = [p[0], p[1], p[2], 0.0, 1.0, 0.0, 0.0, 9.0, 0.0, 0.0, -1.0, -1.0, last_de, 0.0];
         let columns: Vec<Vec<f64>> = ray.iter().map(|x| vec![*x]).collect();
         let out =
-            Backends::cpu_only().run(Target::CpuF64, subject.arena, &Kernel::Map(march.locate), &columns).unwrap();
+            Backends::cpu_only().run(Target::CPU_F64, subject.arena, &Kernel::Map(march.locate), &columns).unwrap();
         // These differences are along the axes: nothing reads the ray's direction.
         assert_eq!([out[3][0], out[4][0], out[5][0]], [0.0; 3]);
         assert!((out[6][0] - wanted).abs() < 1e-15, "{step}: {}", out[6][0]);
@@ -116,7 +117,7 @@ fn rays_stop_in_front_where_that_is_asked_for() {
             assert_eq!(plan.stop_at, (pixels > 0.0).then_some(StopAt::Pixels(pixels)));
             let rays = [([0.0, -3.0, 0.3], [0.0, 1.0, 0.0]), ([1.5, 2.0, -1.0], [-0.557086, -0.742781, 0.371391])];
             for target in backends.targets() {
-                let settings = MarchSettings::of_plan(plan, pixel_radius, target.min_difference());
+                let settings = MarchSettings::of_plan(plan, pixel_radius, target.precision());
                 let march = truth::candidate(&subject.composer(), &plan.choices, &settings).expect("it composes");
                 let columns = truth::ray_columns(&rays, plan.bounding_radius);
                 let out = backends.run(target, subject.arena, &march, &columns).expect("it runs");

@@ -4,9 +4,10 @@
 use bulbfold::check::{Backends, Random, Target};
 use bulbfold::expr::ops::Operator;
 use bulbfold::expr::{Arena, Differentiator, Expr, Function, Port, Type};
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::work::Work;
 use bulbfold::kernel::{Backend, Kernel};
+use bulbfold::math::Precision;
 
 /// Values that break things: zeros, folds, poles, halves, far and near. All finite; see `SPECIAL` for the others.
 const SPICY: &[f64] = &[
@@ -81,7 +82,7 @@ fn every_operator_runs_as_it_folds() {
         let arena = Arena::default();
         let y = number(&arena, Expr::apply(operator, &inputs(&arena, operator)));
         let points: Vec<[f64; 3]> = triples(SPICY).into_iter().chain(triples(SPECIAL)).collect();
-        let found = run(&arena, Target::CpuF64, &[y], &points);
+        let found = run(&arena, Target::CPU_F64, &[y], &points);
         for (p, found) in points.iter().zip(&found[0]) {
             let args: Vec<f64> =
                 (0..3)
@@ -112,7 +113,7 @@ fn constants_fold_to_what_would_run() {
                 .collect();
             let folded = number(&arena, Expr::apply(operator, &args)).as_constant();
             let variable = number(&arena, Expr::apply(operator, &inputs(&arena, operator)));
-            let found = run(&arena, Target::CpuF64, &[variable], &[p])[0][0];
+            let found = run(&arena, Target::CPU_F64, &[variable], &[p])[0][0];
             if let Some([folded, ..]) = folded {
                 assert!(same(found, folded, 1e-14), "{operator:?} of {p:?}: folded {folded}, run {found}");
             }
@@ -140,7 +141,7 @@ fn simplified_mixtures_of_constants_and_inputs_keep_values() {
                 .collect();
             let y = number(&arena, Expr::apply(operator, &args));
             let points: Vec<[f64; 3]> = SPICY.iter().map(|&x| [x, x * 0.5 + 0.1, 1.5 - x]).collect();
-            let found = run(&arena, Target::CpuF64, &[y], &points);
+            let found = run(&arena, Target::CPU_F64, &[y], &points);
             for (p, found) in points.iter().zip(&found[0]) {
                 let value = |i: usize| match picks.get(i).copied().unwrap_or(0) {
                     0 => p[i],
@@ -192,8 +193,8 @@ fn derivatives_are_those_of_finite_differences() {
                     })
                     .collect()
             };
-            let at = |by: f64| run(&arena, Target::CpuF64, &[y], &moved(by)).swap_remove(0);
-            let exact = run(&arena, Target::CpuF64, &[dy], &points).swap_remove(0);
+            let at = |by: f64| run(&arena, Target::CPU_F64, &[y], &moved(by)).swap_remove(0);
+            let exact = run(&arena, Target::CPU_F64, &[dy], &points).swap_remove(0);
             let (a, b, c, d, middle) = (at(-h), at(h), at(-h / 2.0), at(h / 2.0), at(0.0));
             for i in 0..points.len() {
                 let (wide, narrow) = ((b[i] - a[i]) / (2.0 * h), (d[i] - c[i]) / h);
@@ -296,10 +297,10 @@ fn random_expressions_have_the_derivatives_of_their_differences() {
         let h = 1e-6;
         let at = |by: f64| -> Vec<f64> {
             let moved: Vec<_> = points.iter().map(|p| [0, 1, 2].map(|i| p[i] + by * direction[i])).collect();
-            run(&arena, Target::CpuF64, &[y], &moved).swap_remove(0)
+            run(&arena, Target::CPU_F64, &[y], &moved).swap_remove(0)
         };
         let (a, b, c, d) = (at(-h), at(h), at(-h / 2.0), at(h / 2.0));
-        let exact = run(&arena, Target::CpuF64, &[dy], &points).swap_remove(0);
+        let exact = run(&arena, Target::CPU_F64, &[dy], &points).swap_remove(0);
         for i in 0..points.len() {
             let (wide, narrow) = ((b[i] - a[i]) / (2.0 * h), (d[i] - c[i]) / h);
             let size = wide.abs().max(y_size(&b, i));
@@ -331,9 +332,9 @@ fn wide_single_precision_agrees_on_random_expressions() {
         let points: Vec<[f64; 3]> =
             (0..40).map(|_| [0; 3].map(|_| f64::from(random.range(-2.0, 2.0) as f32))).collect();
         let moved: Vec<[f64; 3]> = points.iter().map(|p| p.map(|x| x + 1e-6)).collect();
-        let double = run(&arena, Target::CpuF64, &[y], &points).swap_remove(0);
-        let nudged = run(&arena, Target::CpuF64, &[y], &moved).swap_remove(0);
-        let single = run(&arena, Target::CpuF32, &[y], &points).swap_remove(0);
+        let double = run(&arena, Target::CPU_F64, &[y], &points).swap_remove(0);
+        let nudged = run(&arena, Target::CPU_F64, &[y], &moved).swap_remove(0);
+        let single = run(&arena, Target::CPU_F32, &[y], &points).swap_remove(0);
         for i in 0..points.len() {
             // What a nudge of the inputs explains is rounding (beside a jump, for example).
             let slack = 1e-4 * double[i].abs().max(1.0) + 20.0 * (double[i] - nudged[i]).abs();

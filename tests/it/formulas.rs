@@ -46,7 +46,7 @@ fn chosen_estimates_hit_what_brute_force_hits() {
         let formula = Formula::builtin(name).unwrap();
         let subject = formula.subject();
         let judged = truth::judge(&subject, 300, &settings).unwrap();
-        let single = agreement(&subject, &Backends::cpu_only(), Target::CpuF32).unwrap();
+        let single = agreement(&subject, &Backends::cpu_only(), Target::CPU_F32).unwrap();
         let line = format!(
             "{name:24} {:9} R {:.3} hits {:3} thin {:2} ambiguous {:3} missed {:5.2} % (thin {:5.2} %) early {:5.2} % median {:.4} footprints; f32 agrees {:.2} %",
             subject.method().map_or("own", |m| m.name()),

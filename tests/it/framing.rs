@@ -7,7 +7,8 @@ use std::process::{Command, Output};
 use bulbfold::check::Formula;
 use bulbfold::compose::Composer;
 use bulbfold::graph::{Camera, IterationLimit, ValidGraph};
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
+use bulbfold::math::Precision;
 use bulbfold::render::{Iterations, RenderSettings, Renderer, Standpoint, camera_of, compose_pipeline, standpoint};
 use bulbfold::shade::Size;
 use glam::DVec3;
@@ -79,7 +80,7 @@ fn the_way_out_is_free() {
 fn roughness(formula: &Formula, graph: &ValidGraph) -> f64 {
     let subject = formula.subject();
     let composer = Composer { graph, ..subject.composer() };
-    let settings = RenderSettings { size: SIZE, min_difference: 1e-12, ..RenderSettings::default() };
+    let settings = RenderSettings { size: SIZE, precision: Precision::F64, ..RenderSettings::default() };
     let pipeline = compose_pipeline(&composer, &settings).unwrap_or_else(|error| panic!("{}", error.message));
     let cpu = Cpu::new(Precision::F64);
     let mut renderer = Renderer::new(&cpu, composer.arena, &pipeline, &settings).unwrap();

@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 use bulbfold::check::Formula;
 use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::{Backend, BackendError, Batch, Kernel, Results, Wanted};
+use bulbfold::math::Precision;
 use bulbfold::render::{Cut, RenderSettings, Renderer, Sampling, compose_pipeline};
 use bulbfold::shade::Size;
 

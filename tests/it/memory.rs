@@ -81,7 +81,7 @@ fn orbits_are_those_worked_out_by_hand() {
         let report = open(folder.path(), &graph).run_tests();
         assert!(report.is_ok(), "{nodes}\n{report}");
         let ran = |target: Target| report.outcomes.iter().any(|outcome| outcome.name.ends_with(target.name()));
-        assert!(ran(Target::CpuF64) && ran(Target::CpuF32), "{nodes}");
+        assert!(ran(Target::CPU_F64) && ran(Target::CPU_F32), "{nodes}");
     }
 }
 

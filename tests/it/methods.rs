@@ -20,7 +20,7 @@ fn backends() -> &'static Backends {
 
 /// Relative error (absolute below 1) by target. f32: 24 bits through some twenty operations.
 fn slack(target: Target) -> f64 {
-    if target == Target::CpuF64 { 1e-9 } else { 1e-4 }
+    if target == Target::CPU_F64 { 1e-9 } else { 1e-4 }
 }
 
 fn length(p: P) -> f64 {
@@ -256,7 +256,7 @@ fn potential_and_sinh_follow_from_the_gradient() {
                 assert_eq!(gradient[0][i], potential[0][i], "{name} {target:?} at {:?}", points[i]);
                 let g = gradient[3][i].ln() / f64::powf(per_iteration, gradient[2][i]);
                 let wanted = gradient[0][i] * -f64::exp_m1(-2.0 * g) / (2.0 * g);
-                let tolerance = if target == Target::CpuF64 { 1e-6 } else { 1e-3 };
+                let tolerance = if target == Target::CPU_F64 { 1e-6 } else { 1e-3 };
                 assert!(
                     (sinh[0][i] - wanted).abs() <= tolerance * wanted,
                     "{name} {target:?} at {:?}: expected {wanted}, found {}",
@@ -291,7 +291,7 @@ fn box_form_of_the_menger_sponge_is_its_cube() {
     let mut random = Random::new(4);
     let points: Vec<P> = (0..2000).map(|_| [(); 3].map(|()| random.range(-0.9999, 0.9999))).collect();
     let query = Query { points: &points, directions: &directions(1), h: 1e-4 };
-    let found = probe(&subject, Target::CpuF64, &query, |_| {});
+    let found = probe(&subject, Target::CPU_F64, &query, |_| {});
     assert!(points.iter().filter(|p| is_in(**p)).count() > 200);
     for (i, p) in points.iter().enumerate() {
         assert_eq!(found[1][i] > 0.5, is_in(*p), "{p:?}");
@@ -329,8 +329,8 @@ fn finite_differences_agree_with_derivatives_in_turned_frames() {
         (Method::Jacobian, (Method::Delta, Difference::Z)),
         (Method::Directional, (Method::DeltaRay, Difference::Z)),
     ] {
-        let wanted = probe(&subject, Target::CpuF64, &query, with(exact));
-        let found = probe(&subject, Target::CpuF64, &query, |choice| {
+        let wanted = probe(&subject, Target::CPU_F64, &query, with(exact));
+        let found = probe(&subject, Target::CPU_F64, &query, |choice| {
             (choice.method, choice.difference) = (differences.0, Some(differences.1));
         });
         for (a, b) in wanted[0].iter().zip(&found[0]) {
@@ -415,7 +415,7 @@ fn long_lengths_are_exact_to_rounding() {
         let kernel = Kernel::Map(function);
         for target in backends().targets() {
             let found = backends().run(target, &arena, &kernel, &columns).unwrap();
-            let tolerance = if target == Target::CpuF64 { 1e-15 } else { 2e-6 };
+            let tolerance = if target == Target::CPU_F64 { 1e-15 } else { 2e-6 };
             for (found, wanted) in found[0].iter().zip(&lengths) {
                 assert!((found - wanted).abs() <= tolerance * wanted, "{target:?}: {found} for {wanted}");
             }
@@ -437,7 +437,7 @@ fn largest_singular_values_are_exact_to_rounding() {
     let columns: Vec<Vec<f64>> = (0..9).map(|k| all.iter().map(|m| m[k]).collect()).collect();
     for target in backends().targets() {
         let found = backends().run(target, &arena, &kernel, &columns).unwrap();
-        let tolerance = if target == Target::CpuF64 { 1e-13 } else { 2e-6 };
+        let tolerance = if target == Target::CPU_F64 { 1e-13 } else { 2e-6 };
         for (i, m) in all.iter().enumerate() {
             let rows: Vec<Vec<f64>> = m.chunks(3).map(<[f64]>::to_vec).collect();
             let four: Vec<Vec<f64>> = rows.iter().chain(&rows[..1]).cloned().collect();

@@ -170,7 +170,7 @@ fn try_graph(library: &mut Library, text: &str, counts: &mut Counts) {
         let values = [-4.0, 0.1, 0.05, 1.0, x, y, 0.0, 8.0];
         columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
     }
-    Backends::cpu_only().run(Target::CpuF32, &arena, &march, &columns).unwrap();
+    Backends::cpu_only().run(Target::CPU_F32, &arena, &march, &columns).unwrap();
     if counts.drawn.is_multiple_of(20) {
         wgsl::validate(&wgsl::write(&arena, &march)).unwrap();
     }
@@ -235,7 +235,7 @@ fn try_step(library: &mut Library, name: &str, text: &str, counts: &mut Counts) 
                 Function::new("step", vec![Port::new("z", ty), Port::new("c", ty), Port::new("dr", Type::F)]);
             function.output("z", traced.z);
             let columns = vec![vec![0.3]; 2 * usize::from(ty.width) + 1];
-            Backends::cpu_only().run(Target::CpuF32, &arena, &Kernel::Map(function), &columns).unwrap();
+            Backends::cpu_only().run(Target::CPU_F32, &arena, &Kernel::Map(function), &columns).unwrap();
             counts.drawn += 1;
         }
     }

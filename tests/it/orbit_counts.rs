@@ -34,7 +34,7 @@ fn isometries(fold: &str, group: u32, width: u8, points: usize) -> Vec<Vec<Vec<f
     }
     let mut random = Random::new(7);
     let columns: Vec<Vec<f64>> = (0..width).map(|_| (0..points).map(|_| random.range(-1.0, 1.0)).collect()).collect();
-    let out = Backends::cpu_only().run(Target::CpuF64, &arena, &Kernel::Map(function), &columns).unwrap();
+    let out = Backends::cpu_only().run(Target::CPU_F64, &arena, &Kernel::Map(function), &columns).unwrap();
     let n = usize::from(width);
     (0..points).map(|i| (0..n).map(|axis| (0..n).map(|k| out[n * axis + k][i]).collect()).collect()).collect()
 }

@@ -10,9 +10,9 @@ use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
 use bulbfold::film::{Image, PngFile};
 use bulbfold::graph::Camera;
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::{Backend, BackendError, Batch, Kernel, Results, Wanted};
-use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
+use bulbfold::math::Precision;
 use bulbfold::render::{Cut, RenderSettings, Renderer, Sampling, Stats, compose_pipeline};
 use bulbfold::shade::Size;
 
@@ -74,10 +74,10 @@ const CUTS: [Cut; 5] = [
     Cut { band: 61, tile: 83, rays: 1 },
 ];
 
-fn no_cut_shows(backend: &impl Backend, min_difference: f64, cuts: &[Cut], most_samples: u32) {
+fn no_cut_shows(backend: &impl Backend, precision: Precision, cuts: &[Cut], most_samples: u32) {
     for name in ["mandelbulb", "mandelbox"] {
         for samples in 1..=most_samples {
-            let settings = RenderSettings { min_difference, ..settings(samples, Sampling::Adaptive) };
+            let settings = RenderSettings { precision, ..settings(samples, Sampling::Adaptive) };
             let formula = builtin(name);
             let (whole, uncut) = picture(backend, &formula, None, &settings, Some(UNCUT));
             for cut in cuts.iter().copied().map(Some).chain([None]) {
@@ -91,9 +91,9 @@ fn no_cut_shows(backend: &impl Backend, min_difference: f64, cuts: &[Cut], most_
 
 #[test]
 fn no_cut_shows_on_the_cpu() {
-    no_cut_shows(&Cpu::new(Precision::F32), MIN_DIFFERENCE_F32, &CUTS, 3);
-    no_cut_shows(&Cpu::new(Precision::F32).interpreted(), MIN_DIFFERENCE_F32, &CUTS[..2], 2);
-    no_cut_shows(&Cpu::new(Precision::F64), MIN_DIFFERENCE_F64, &CUTS[..2], 2);
+    no_cut_shows(&Cpu::new(Precision::F32), Precision::F32, &CUTS, 3);
+    no_cut_shows(&Cpu::new(Precision::F32).interpreted(), Precision::F32, &CUTS[..2], 2);
+    no_cut_shows(&Cpu::new(Precision::F64), Precision::F64, &CUTS[..2], 2);
 }
 
 /// The machine's GPU or its software; `None` where there is none and none is required. Never closed: drivers cannot be while
@@ -115,7 +115,7 @@ fn gpu() -> Option<&'static bulbfold::kernel::gpu::Gpu> {
 #[test]
 fn no_cut_shows_on_the_gpu() {
     if let Some(gpu) = gpu() {
-        no_cut_shows(gpu, MIN_DIFFERENCE_F32, &CUTS[..2], 2);
+        no_cut_shows(gpu, Precision::F32, &CUTS[..2], 2);
     }
 }
 
@@ -124,7 +124,7 @@ fn no_cut_shows_on_the_gpu() {
 fn what_is_empty_is_not_marched_on_the_gpu() {
     if let Some(gpu) = gpu() {
         // Each kernel may be contracted in its own way.
-        what_is_empty_is_not_marched(gpu, MIN_DIFFERENCE_F32, 1);
+        what_is_empty_is_not_marched(gpu, Precision::F32, 1);
     }
 }
 
@@ -174,13 +174,13 @@ impl<B: Backend> Backend for Counting<'_, B> {
 
 /// A ball of radius 1 from 5 away covers half of a square view of 0.5 radians: a disc of 38.4 of 96 pixels. Beams leave most of
 /// the other half out, and what is seen there is what marches of its rays would have led to.
-fn what_is_empty_is_not_marched(backend: &impl Backend, min_difference: f64, most: u8) {
+fn what_is_empty_is_not_marched(backend: &impl Backend, precision: Precision, most: u8) {
     // Without marches to the sun.
     let unlit = BALL.replace("output:", "look: (shadows: false), output:");
     let ball = Formula::from_ron(&unlit).unwrap_or_else(|error| panic!("{error}"));
     for samples in [1, 2] {
         let size = Size { width: 96, height: 96 };
-        let settings = RenderSettings { size, min_difference, ..settings(samples, Sampling::Full) };
+        let settings = RenderSettings { size, precision, ..settings(samples, Sampling::Full) };
         let plain = RenderSettings { plain: true, ..settings.clone() };
         let (expected, without) = picture(backend, &ball, Some(CAMERA), &plain, None);
         let counting = Counting { inner: backend, marched: AtomicUsize::new(0) };
@@ -202,8 +202,8 @@ fn what_is_empty_is_not_marched(backend: &impl Backend, min_difference: f64, mos
 
 #[test]
 fn what_is_empty_is_not_marched_on_the_cpu() {
-    what_is_empty_is_not_marched(&Cpu::new(Precision::F32), MIN_DIFFERENCE_F32, 0);
-    what_is_empty_is_not_marched(&Cpu::new(Precision::F64), MIN_DIFFERENCE_F64, 0);
+    what_is_empty_is_not_marched(&Cpu::new(Precision::F32), Precision::F32, 0);
+    what_is_empty_is_not_marched(&Cpu::new(Precision::F64), Precision::F64, 0);
 }
 
 #[test]

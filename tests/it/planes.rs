@@ -9,7 +9,8 @@ use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
 use bulbfold::film::Image;
 use bulbfold::kernel::Backend;
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
+use bulbfold::math::Precision;
 use bulbfold::render::{RenderSettings, Renderer, Stats, compose_pipeline};
 use bulbfold::shade::Size;
 
@@ -41,7 +42,7 @@ fn estimates(formula: &Formula, points: &[P]) -> Vec<(Target, Vec<(f64, bool)>)>
 
 /// Relative error of estimates whose orbits go up to a few hundred iterations.
 fn slack(target: Target) -> f64 {
-    if target == Target::CpuF64 { 1e-5 } else { 2e-3 }
+    if target == Target::CPU_F64 { 1e-5 } else { 2e-3 }
 }
 
 /// Koebe's theorem, of the potential G and the estimate G / 2 |G'|: the distance is from sinh G / 2 e^G |G'| to

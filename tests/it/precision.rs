@@ -7,10 +7,10 @@ use bulbfold::check::{Formula, Subject};
 use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
 use bulbfold::graph::{Camera, ValidGraph};
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::{Backend, Estimator};
-use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
-use bulbfold::precision::{LEAST_ULPS, Resolution, resolution, ulp};
+use bulbfold::math::Precision;
+use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
 use bulbfold::render::{RenderSettings, Renderer, compose_pipeline};
 use bulbfold::shade::{CameraFrame, Size};
 
@@ -81,8 +81,7 @@ impl Place {
 fn depths(place: &Place, graph: &ValidGraph, precision: Precision) -> (Vec<Option<f64>>, Resolution, f64) {
     let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: place.formula.library(), graph };
-    let min_difference = if precision == Precision::F32 { MIN_DIFFERENCE_F32 } else { MIN_DIFFERENCE_F64 };
-    let settings = RenderSettings { size: SIZE, min_difference, ..RenderSettings::default() };
+    let settings = RenderSettings { size: SIZE, precision, ..RenderSettings::default() };
     let pipeline = compose_pipeline(&composer, &settings).unwrap();
     let cpu = Cpu::new(precision);
     let mut renderer = Renderer::new(&cpu, &arena, &pipeline, &settings).unwrap();
@@ -165,7 +164,7 @@ fn shares_of_rounding() {
         };
         let (exact, start, single) =
             (run(Precision::F64, &points), run(Precision::F64, &rounded), run(Precision::F32, &rounded));
-        let ulp = ulp(target.iter().fold(0.0, |most: f64, x| most.max(x.abs())), Precision::F32);
+        let ulp = Precision::F32.ulp(target.iter().fold(0.0, |most: f64, x| most.max(x.abs())));
         let median = |a: &[f64], b: &[f64]| {
             let mut all: Vec<f64> = a.iter().zip(b).map(|(a, b)| (a - b).abs() / ulp).collect();
             all.sort_by(f64::total_cmp);
@@ -185,8 +184,7 @@ fn depths_far_in_are_those_of_brute_force() {
             let arena = Arc::new(Arena::default());
             let subject = Subject::new(place.formula.library(), &graph, &arena);
             let subject = subject.unwrap_or_else(|error| panic!("{}", error.message));
-            let settings =
-                RenderSettings { size: SIZE, min_difference: MIN_DIFFERENCE_F64, ..RenderSettings::default() };
+            let settings = RenderSettings { size: SIZE, precision: Precision::F64, ..RenderSettings::default() };
             let judged = truth::judge(&subject, 40, &settings).unwrap();
             println!(
                 "{name} at {zoom:e}: {} hits, {:.4} footprints off, {:.2} % missed, {:.2} % early",
@@ -299,12 +297,7 @@ fn a_face_of_the_sponge_is_where_it_is_a_trillionth_away() {
 }
 
 #[test]
-fn the_unit_of_the_last_place_is_the_formats_own() {
-    for size in [1.0, 1.5, 0.3, 2.0, 4.5e-9, 3e5] {
-        let single = f64::from(f32::from_bits((size as f32).to_bits() + 1)) - f64::from(size as f32);
-        assert_eq!(ulp(size, Precision::F32), single, "{size}");
-        assert_eq!(ulp(size, Precision::F64), f64::from_bits(size.to_bits() + 1) - size, "{size}");
-    }
+fn a_view_fits_the_precision_that_tells_its_pixels_apart() {
     let view = Resolution { footprint: 1e-3, size: 2.0 };
     assert!(view.fits(Precision::F32) && view.room(Precision::F32) > 100.0);
     assert!(!Resolution { footprint: 1e-7, size: 2.0 }.fits(Precision::F32));

@@ -24,7 +24,7 @@ fn depths(formula: &Formula, settings: &RenderSettings) -> Vec<Option<f64>> {
     let subject = formula.subject();
     let pipeline = compose_planned(&subject.composer(), settings, formula.plan().clone());
     let pipeline = pipeline.unwrap_or_else(|e| panic!("{}", e.message));
-    Backends::cpu_only().depths(Target::CpuF32, subject.arena, &pipeline, settings).unwrap()
+    Backends::cpu_only().depths(Target::CPU_F32, subject.arena, &pipeline, settings).unwrap()
 }
 
 fn footprint(formula: &Formula) -> f64 {

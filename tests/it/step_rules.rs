@@ -167,7 +167,7 @@ fn check_rules(
     let params = parameters(step, set, random);
     let kernel = kernel(library, step, &arena, &params, width);
     let columns = balls(usize::from(width), random);
-    let out = backends.run(Target::CpuF64, &arena, &kernel, &columns).unwrap();
+    let out = backends.run(Target::CPU_F64, &arena, &kernel, &columns).unwrap();
     let w = usize::from(width);
     // A step of three components leaves w to the composer.
     let moved = if step.state == StateWidth::Three { 3 } else { w };
@@ -283,7 +283,7 @@ fn check_proofs(backends: &Backends, step: &Step, set: usize, method: Method, ra
     let h: Vec<f64> = points.iter().map(|_| 10f64.powf(random.range(-4.0, 0.5))).collect();
     let run = |p: &[[f64; 3]], h: &[f64]| {
         let columns = Estimator::columns(p, &directions, h, 1e-9);
-        backends.run(Target::CpuF64, subject.arena, &kernel, &columns).unwrap()
+        backends.run(Target::CPU_F64, subject.arena, &kernel, &columns).unwrap()
     };
     let first = run(&points, &h);
     let mut proven = 0;

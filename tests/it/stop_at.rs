@@ -18,7 +18,7 @@ fn formula(text: &str) -> Formula {
 fn depths(formula: &Formula, pixel_radius: f64, origin: [f64; 3], direction: [f64; 3]) -> Vec<Option<f64>> {
     let (backends, subject, plan) = (Backends::new(), formula.subject(), formula.plan());
     let depth = |target: Target| {
-        let settings = MarchSettings::of_plan(plan, pixel_radius, target.min_difference());
+        let settings = MarchSettings::of_plan(plan, pixel_radius, target.precision());
         let march = truth::candidate(&subject.composer(), &plan.choices, &settings).expect("it composes");
         let columns = truth::ray_columns(&[(origin, direction)], plan.bounding_radius);
         truth::ends(&backends.run(target, subject.arena, &march, &columns).expect("it runs"), 1)[0].depth()
@@ -110,7 +110,7 @@ fn normals_are_those_of_the_threshold() {
         let surface = compose_estimator(&subject.composer(), &choices, Purpose::Surface);
         let surface = Kernel::Estimate(surface.unwrap_or_else(|e| panic!("{}", e.message)));
         let columns = Estimator::columns(&points, &[[-1.0, 0.0, 0.0]], &[1e-4], EPS);
-        let out = Backends::cpu_only().run(Target::CpuF64, subject.arena, &surface, &columns).unwrap();
+        let out = Backends::cpu_only().run(Target::CPU_F64, subject.arena, &surface, &columns).unwrap();
         out[0].iter().sum::<f64>() / points.len() as f64
     };
     let (over, below) = (towards_face(true), towards_face(false));

@@ -4,8 +4,9 @@ use bulbfold::check::exact::{Limit, ball_depth, polytope_depth};
 use bulbfold::check::truth::{Budget, Members, Ray, Scale, Truth, Truths, candidate, march_rays, point, view_rays};
 use bulbfold::check::{Formula, Random};
 use bulbfold::graph::{Camera, Method};
-use bulbfold::kernel::cpu::{Cpu, Precision};
-use bulbfold::march::{MIN_DIFFERENCE_F64, MarchSettings};
+use bulbfold::kernel::cpu::Cpu;
+use bulbfold::march::MarchSettings;
+use bulbfold::math::Precision;
 use bulbfold::shade::{Size, frame_automatically};
 
 const SIZE: Size = Size { width: 160, height: 120 };
@@ -213,7 +214,7 @@ fn membership_without_derivatives_is_the_same() {
         let points: Vec<[f64; 3]> = (0..400).map(|_| random.in_ball(subject.plan.bounding_radius.min(8.0))).collect();
         let kernel = subject.estimator(&subject.plan.choices).unwrap_or_else(|e| panic!("{}", e.message));
         let backends = bulbfold::check::Backends::cpu_only();
-        let whole = subject.estimates(&backends, bulbfold::check::Target::CpuF64, &kernel, &points).unwrap();
+        let whole = subject.estimates(&backends, bulbfold::check::Target::CPU_F64, &kernel, &points).unwrap();
         let lean = members.inside(&points, &vec![1e-9; points.len()]);
         assert!(lean.iter().any(|x| *x) && lean.iter().any(|x| !*x), "{name}");
         assert!(whole.iter().zip(&lean).all(|((_, inside), lean)| inside == lean), "{name}");
@@ -235,7 +236,7 @@ fn march(
     let settings = MarchSettings {
         fudge,
         pixel_radius: truths.scale.pixel_radius,
-        min_difference: MIN_DIFFERENCE_F64,
+        precision: Precision::F64,
         ..MarchSettings::default()
     };
     let kernel = candidate(&subject.composer(), &choices, &settings).unwrap_or_else(|e| panic!("{}", e.message));

@@ -74,7 +74,7 @@ fn runs_on_every_back_end_and_has_a_gradient() {
     let subject = formula.subject();
     let kernel = subject.estimator(&subject.plan.choices).unwrap_or_else(|e| panic!("{}", e.message));
     let backends = Backends::cpu_only();
-    let [wide, single] = [Target::CpuF64, Target::CpuF32]
+    let [wide, single] = [Target::CPU_F64, Target::CPU_F32]
         .map(|target| subject.estimates(&backends, target, &kernel, &[point]).unwrap()[0].0);
     assert!((wide - single).abs() < 1e-4 * wide, "{wide} {single}");
 }

@@ -6,8 +6,8 @@ use bulbfold::check::Formula;
 use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
 use bulbfold::graph::{Camera, EstimateSettings, Method};
-use bulbfold::kernel::cpu::{Cpu, Precision};
-use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
+use bulbfold::kernel::cpu::Cpu;
+use bulbfold::math::Precision;
 use bulbfold::render::{RenderSettings, Renderer, compose_pipeline};
 use bulbfold::shade::Size;
 use bulbfold::view::{Axis, Pixel, Shown, View, ViewKernels, diverging, find_truths, show, viridis};
@@ -25,8 +25,7 @@ fn shown_on(formula: &Formula, view: View, estimate: EstimateSettings, camera: C
     let graph = formula.graph().clone().with_camera(camera);
     let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: formula.library(), graph: &graph };
-    let min_difference = if precision == Precision::F32 { MIN_DIFFERENCE_F32 } else { MIN_DIFFERENCE_F64 };
-    let settings = RenderSettings { size: SIZE, estimate, min_difference, ..RenderSettings::default() };
+    let settings = RenderSettings { size: SIZE, estimate, precision, ..RenderSettings::default() };
     let pipeline = compose_pipeline(&composer, &settings).unwrap();
     let kernels = ViewKernels::new(&composer, &pipeline, view).unwrap();
     let mut told = Vec::new();
@@ -127,8 +126,7 @@ fn proofs_say_what_is_proven() {
     assert!(counts[0] > 300 && counts[1] > 300, "{:?}", shown.summary());
     // The undecided ones are those that a render of the same pixels counts.
     let subject = formula.subject();
-    let settings =
-        RenderSettings { size: SIZE, estimate, min_difference: MIN_DIFFERENCE_F64, ..RenderSettings::default() };
+    let settings = RenderSettings { size: SIZE, estimate, precision: Precision::F64, ..RenderSettings::default() };
     let pipeline = compose_pipeline(&subject.composer(), &settings).unwrap();
     let cpu = Cpu::new(Precision::F64);
     let mut renderer = Renderer::new(&cpu, subject.arena, &pipeline, &settings).unwrap();

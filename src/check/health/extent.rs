@@ -9,8 +9,9 @@ use crate::compose::placement::Frame;
 use crate::compose::{Composer, FieldOrbit, Reach, compose_growth, field_orbits};
 use crate::diag::Diagnostic;
 use crate::graph::{DeForm, NodeKind, Primitive};
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 use crate::kernel::{Backend, Kernel};
+use crate::math::Precision;
 use crate::math::random::Random;
 
 /// Growth of r by more than this power is logarithmic.
@@ -108,7 +109,7 @@ pub(super) fn check_radius(subject: &Subject, health: &mut Health) -> Result<(),
             0 => members.iter().map(|p| p.to_vec()).collect(),
             count => {
                 let kernel = subject.orbit_kernel(count)?;
-                let states = subject.orbits(&Backends::cpu_only(), Target::CpuF64, &kernel, &members);
+                let states = subject.orbits(&Backends::cpu_only(), Target::CPU_F64, &kernel, &members);
                 states.expect("the CPU runs every kernel")
             }
         };

@@ -12,8 +12,9 @@ use crate::expr::{Arena, Function};
 use crate::formula::library::Library;
 use crate::formula::shape::ShapeDistance;
 use crate::formula::step::{Growth, ScalarRule, Step};
-use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
+use crate::kernel::cpu::{Cpu, CpuKernel};
 use crate::kernel::{Backend, Kernel};
+use crate::math::Precision;
 use crate::math::random::Random;
 
 /// States that a rule is compared at.

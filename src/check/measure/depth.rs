@@ -71,7 +71,7 @@ pub fn measure(
         form: plan.choices.first().map(|c| c.form),
         fudge: plan.fudge,
         least_step: None,
-        target: Target::CpuF64,
+        target: Target::CPU_F64,
     };
     let (ray, distance) = surface_point(subject, view, truths)?;
     let mut zooms = Vec::new();
@@ -136,12 +136,12 @@ mod tests {
         let at = |zoom: f64, median_error: f64| DepthErrors {
             zoom,
             settled: 1.0,
-            measured: vec![(Target::CpuF32, Measured { median_error, ..Measured::default() })],
+            measured: vec![(Target::CPU_F32, Measured { median_error, ..Measured::default() })],
         };
-        let candidate = Candidate { method: None, form: None, fudge: 1.0, least_step: None, target: Target::CpuF64 };
+        let candidate = Candidate { method: None, form: None, fudge: 1.0, least_step: None, target: Target::CPU_F64 };
         let depths =
             Depths { rays: 1, candidate, zooms: vec![at(1.0, 0.1), at(10.0, 0.4), at(100.0, 2.0), at(1e3, 0.1)] };
-        assert_eq!(depths.end_of(Target::CpuF32), Some(10.0));
-        assert_eq!(depths.end_of(Target::CpuF64), None);
+        assert_eq!(depths.end_of(Target::CPU_F32), Some(10.0));
+        assert_eq!(depths.end_of(Target::CPU_F64), None);
     }
 }

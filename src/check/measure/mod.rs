@@ -191,7 +191,7 @@ fn march_kernel(subject: &Subject, plan: &Plan, candidate: &Candidate, pixel_rad
     let settings = MarchSettings {
         fudge: candidate.fudge,
         least_step: candidate.least_step.unwrap_or(plan.least_step),
-        ..MarchSettings::of_plan(plan, pixel_radius, candidate.target.min_difference())
+        ..MarchSettings::of_plan(plan, pixel_radius, candidate.target.precision())
     };
     candidate_march(&subject.composer(), &plan.choices, &settings).map_err(|error| rendered(error, subject.library))
 }

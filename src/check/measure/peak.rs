@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use fearless_simd::{Level, Simd, SimdBase, SimdFloat, dispatch};
 
-use crate::kernel::cpu::Precision;
+use crate::math::Precision;
 
 /// Chains that do not wait for each other: more than any core's latency times its units.
 const CHAINS: usize = 16;
@@ -95,7 +95,7 @@ fn rate<S: Simd, V: Vector>(token: S) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::peak_mul_adds;
-    use crate::kernel::cpu::Precision;
+    use crate::math::Precision;
 
     #[test]
     fn the_peak_is_a_rate() {

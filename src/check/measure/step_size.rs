@@ -85,7 +85,7 @@ pub fn measure(
         let columns = estimator_columns(points, &vec![h; points.len()], 1e-9);
         backends.run(target, subject.arena, kernel, &columns).map_err(|error| error.to_string())
     };
-    let out = run(Target::CpuF64, &exact, &points, 1e-6)?;
+    let out = run(Target::CPU_F64, &exact, &points, 1e-6)?;
     let usable = |i: usize| out[1][i] < 0.5 && out[0][i].is_finite() && out[0][i] > 0.0;
     let (points, wanted): (Vec<[f64; 3]>, Vec<f64>) =
         (0..points.len()).filter(|&i| usable(i)).map(|i| (points[i], out[0][i])).unzip();
@@ -132,8 +132,8 @@ mod tests {
     fn windows_are_the_widest_usable_run() {
         let at = |h: f64, median: f64| StepError { h, median, ninth: median };
         let errors = vec![at(1.0, 0.01), at(2.0, 0.5), at(3.0, 0.04), at(4.0, 0.05), at(5.0, f64::INFINITY)];
-        assert_eq!(StepCurve { target: Target::CpuF32, errors }.window(), Some((3.0, 4.0)));
-        assert_eq!(StepCurve { target: Target::CpuF32, errors: vec![at(1.0, 1.0)] }.window(), None);
+        assert_eq!(StepCurve { target: Target::CPU_F32, errors }.window(), Some((3.0, 4.0)));
+        assert_eq!(StepCurve { target: Target::CPU_F32, errors: vec![at(1.0, 1.0)] }.window(), None);
     }
 
     #[test]

@@ -8,9 +8,10 @@ use crate::check::formula::rendered;
 use crate::check::subject::Subject;
 use crate::compose::{Choice, ComposeResult, Composer, Purpose, compose_estimator};
 use crate::expr::Arena;
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
 use crate::march::{MarchSettings, compose_march, is_undecided};
+use crate::math::Precision;
 use crate::render::{RenderSettings, compose_pipeline};
 
 /// What is less likely than this is evidence.

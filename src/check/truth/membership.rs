@@ -4,9 +4,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::compose::{Choice, ComposeResult, Composer, Purpose, compose_estimator};
 use crate::expr::{Arena, Function, NodeId, Port, Type};
-use crate::kernel::cpu::{Cpu, CpuKernel, Precision};
+use crate::kernel::cpu::{Cpu, CpuKernel};
 use crate::kernel::work::Work;
 use crate::kernel::{Backend, Estimator, Kernel, Orbit};
+use crate::math::Precision;
 
 /// The estimator of the whole field with `inside` and the number of iterations `n` as its only outputs: no derivative is carried. It is that of
 /// [`Purpose::Estimate`] or of [`Purpose::Truth`].

@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 
-use bulbfold::kernel::cpu::Precision;
 use bulbfold::shade::Size;
 use serde_json::{Value, json};
 
@@ -22,7 +21,7 @@ impl Engine {
     }
 
     fn precision_name(self) -> &'static str {
-        if self.precision() == Precision::F64 { "f64" } else { "f32" }
+        self.precision().name()
     }
 }
 

@@ -201,10 +201,16 @@ impl<'a> Builder<'a> {
         let along = self.choice.method == Method::Certified;
         let e0 = h.min(arena.f(self.choice.extent * LARGEST_START * self.frame.scale()));
         let zero = arena.f(0.0);
-        let rounding = |z: Expr<'a>| z.length() * (4.0 * self.choice.unit);
+        let rounding = |z: Expr<'a>| z.length() * (4.0 * self.choice.precision.unit());
         let mut moved = Moved { z: p, l: arena.f(1.0), eta: rounding(p), segment: along.then_some((d, zero)) };
-        let context =
-            Context { composer: self.composer, e0, c: p.lift(0.0), c_l: zero, n: zero, unit: self.choice.unit };
+        let context = Context {
+            composer: self.composer,
+            e0,
+            c: p.lift(0.0),
+            c_l: zero,
+            n: zero,
+            unit: self.choice.precision.unit(),
+        };
         for place in self.frame.places() {
             moved = match place {
                 Place::Warped(by) => {
@@ -234,7 +240,7 @@ impl<'a> Builder<'a> {
         let Some(at) = self.settings.start else { return start };
         let (arena, zero) = (self.composer.arena, start.l.lift(0.0));
         let z = arena.constant(start.z.ty(), at);
-        let eta = arena.f(at.iter().map(|x| x * x).sum::<f64>().sqrt() * (4.0 * self.choice.unit));
+        let eta = arena.f(at.iter().map(|x| x * x).sum::<f64>().sqrt() * (4.0 * self.choice.precision.unit()));
         Moved { z, l: zero, eta, segment: start.segment.map(|(v, _)| (v.lift(0.0), zero)) }
     }
 
@@ -251,13 +257,13 @@ impl<'a> Builder<'a> {
         let c = fixed_constant(arena, item.constant, start.z);
         let weight = item.constant.start_weight();
         let c_l = start.l * weight.abs();
-        let context = Context { composer: self.composer, e0: frozen.e0, c, c_l, n, unit: self.choice.unit };
+        let context = Context { composer: self.composer, e0: frozen.e0, c, c_l, n, unit: self.choice.precision.unit() };
         let mapped = context.apply(&item.map, moved)?;
         let z = mapped.z + c;
         let added = Moved {
             z,
             l: mapped.l + c_l,
-            eta: mapped.eta + start.eta * weight.abs() + z.length() * (4.0 * self.choice.unit),
+            eta: mapped.eta + start.eta * weight.abs() + z.length() * (4.0 * self.choice.precision.unit()),
             segment: mapped
                 .segment
                 .zip(start.segment)
@@ -320,7 +326,7 @@ impl<'a> Builder<'a> {
         let arena = self.composer.arena;
         let zero = arena.f(0.0);
         let c = moved.z.lift(0.0);
-        let context = Context { composer: self.composer, e0, c, c_l: zero, n, unit: self.choice.unit };
+        let context = Context { composer: self.composer, e0, c, c_l: zero, n, unit: self.choice.precision.unit() };
         let mut end = moved;
         for node in &self.settings.post {
             let (maps, _) = resolve_schedule(self.composer.graph, *node, Constant::Off, 1);
@@ -328,7 +334,7 @@ impl<'a> Builder<'a> {
         }
         let f = shape_at(self.composer, field, end.z, n)?;
         // Shapes are differences of lengths, so their terms may be longer than they are.
-        let rounded = roundings(f) * 4.0 * self.choice.unit;
+        let rounded = roundings(f) * 4.0 * self.choice.precision.unit();
         let sure = f.abs() - end.eta - (end.z.length() + 1.0) * rounded;
         let known = end.l.lt(arena.f(UNBOUNDED)).and(f.abs().lt(arena.f(UNBOUNDED)));
         let proven = known.select(sure / end.l.max(arena.f(1e-30)), zero).max(zero);
@@ -376,7 +382,7 @@ impl<'a> Builder<'a> {
         let (room, factor) = match self.settings.escape {
             Escape::Near(point) => {
                 let point = arena.constant(z.ty(), point);
-                let rounded = (z.length() + point.length()) * (4.0 * self.choice.unit);
+                let rounded = (z.length() + point.length()) * (4.0 * self.choice.precision.unit());
                 (threshold - (z - point).length() - rounded, moved.l)
             }
             Escape::Above(normal) | Escape::Beyond(normal) => {

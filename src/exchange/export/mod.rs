@@ -12,6 +12,7 @@ use crate::compose::{Composer, Plan, Purpose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::graph::{Camera, Method, TRAPS};
 use crate::kernel::wgsl;
+use crate::math::Precision;
 
 /// A language, or the form that a program wants.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -173,7 +174,7 @@ fn distance_estimate(p: vec3<f32>) -> f32 {{
 ",
         far = radius as f32 * 1.1,
         radius = radius as f32,
-        step = crate::march::MIN_DIFFERENCE_F32 as f32 * 10.0,
+        step = Precision::F32.min_difference() as f32 * 10.0,
         fudge = plan.fudge as f32,
     )
 }

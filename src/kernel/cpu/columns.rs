@@ -137,8 +137,9 @@ mod tests {
 
     use super::{Columns, LEAST_NUMBERS, MOST_NUMBERS, MOST_SPARE, Number};
     use crate::kernel::Backend;
-    use crate::kernel::cpu::{Cpu, CpuColumns, Precision};
+    use crate::kernel::cpu::{Cpu, CpuColumns};
     use crate::kernel::wgsl::tests::pipeline;
+    use crate::math::Precision;
     use crate::render::RenderSettings;
 
     /// Where the numbers of columns lie.

@@ -27,39 +27,12 @@ use self::march::run_march;
 use self::tapes::Program;
 use super::{Backend, BackendError, Batch, Kernel, Results, Wanted};
 use crate::expr::{Arena, Port};
-use crate::math::{Lanes, Pack};
+use crate::math::{Lanes, Pack, Precision};
 
 /// Vectors that one register holds.
 const WIDE: usize = 4;
 /// Elements that one task works on.
 const GROUP: usize = 4096;
-
-/// Precision of the CPU back end.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, serde::Serialize, serde::Deserialize)]
-pub enum Precision {
-    /// Wide single precision.
-    F32,
-    /// Scalar double precision.
-    F64,
-}
-
-impl Precision {
-    /// The name in flags.
-    pub fn name(self) -> &'static str {
-        match self {
-            Precision::F32 => "f32",
-            Precision::F64 => "f64",
-        }
-    }
-
-    /// Least step of finite differences, as a part of the largest coordinate.
-    pub fn min_difference(self) -> f64 {
-        match self {
-            Precision::F32 => 1e-5,
-            Precision::F64 => 1e-8,
-        }
-    }
-}
 
 /// The CPU back end.
 #[derive(Clone, Copy, Debug)]
@@ -138,10 +111,7 @@ impl Cpu {
 
     /// The instruction set in use and the number of rays that a vector holds, or a pack of the interpreter.
     pub fn description(&self) -> String {
-        let precision = match self.precision {
-            Precision::F64 => "f64",
-            Precision::F32 => "f32",
-        };
+        let precision = self.precision.name();
         if let Some((name, rays)) = self.machine_code() {
             let some =
                 if INTERPRETED.load(Ordering::Relaxed) { ", some kernels interpreted for want of memory" } else { "" };

@@ -6,9 +6,10 @@ use super::{AdapterWanted, Gpu, GpuKernel, adapters};
 use crate::expr::ops::Operator;
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::{EstimateSettings, Method, Schedule};
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 use crate::kernel::wgsl::tests::{pipeline, scheduled};
 use crate::kernel::{Backend, BackendError, Estimator, Kernel, Results, Status, march_output_ports};
+use crate::math::Precision;
 use crate::render::{Pipeline, RenderSettings, Renderer};
 use crate::shade::Size;
 

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use super::Templates;
 use crate::expr::{Arena, Function, Port, Type};
-use crate::kernel::cpu::{Cpu, Precision};
+use crate::kernel::cpu::Cpu;
 use crate::kernel::{Backend, Kernel};
+use crate::math::Precision;
 
 /// `(x a + b).y`, with a vector of three numbers.
 fn map(a: f64, v: [f64; 3]) -> (Arc<Arena>, Kernel) {

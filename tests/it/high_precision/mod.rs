@@ -250,7 +250,7 @@ fn check_state(system: &System, subject: &Subject, points: &[([f64; 3], End)]) {
     let remembered = ["z", "dr", "j_x", "j_y", "j_z"].map(|name| format!("before_0_{name}"));
     assert_eq!(names[5..], if system.memory == 0.0 { Vec::new() } else { remembered.to_vec() });
     let places: Vec<[f64; 3]> = points.iter().map(|(p, _)| *p).collect();
-    let out = Backends::cpu_only().run(Target::CpuF64, subject.arena, &kernel, &columns(&places)).unwrap();
+    let out = Backends::cpu_only().run(Target::CPU_F64, subject.arena, &kernel, &columns(&places)).unwrap();
     for (i, (p, end)) in points.iter().enumerate() {
         let place = |what: &str| format!("{}: {what} at {p:?}", system.name);
         assert_eq!(out[out.len() - 1][i], f64::from(end.iterations), "{}", place("iterations"));
@@ -273,7 +273,7 @@ fn check_estimates(system: &System, subject: &Subject, points: &[([f64; 3], End)
         let Some(choices) = subject.choices(Some(method)) else { continue };
         let probe = compose_estimator(&subject.composer(), &choices, Purpose::Probe);
         let kernel = Kernel::Estimate(probe.unwrap_or_else(|e| panic!("{}", e.message)));
-        let out = backends.run(Target::CpuF64, subject.arena, &kernel, &columns(&places)).unwrap();
+        let out = backends.run(Target::CPU_F64, subject.arena, &kernel, &columns(&places)).unwrap();
         for (i, (p, end)) in points.iter().enumerate() {
             let d = vector(inwards(*p));
             let Some(wanted) = expected(method, system, end, &vector(*p), &d) else { continue };

@@ -177,7 +177,7 @@ pub fn conditional_translation() {
     let mut random = Random::new(8);
     let points: Vec<P> = (0..200).map(|_| [0; 3].map(|_| random.range(-1.05, 1.05))).collect();
     let inside = |formula: &Formula| -> Vec<bool> {
-        answers(formula, &points).iter().filter(|a| a.target == Target::CpuF64).map(|a| a.inside).collect()
+        answers(formula, &points).iter().filter(|a| a.target == Target::CPU_F64).map(|a| a.inside).collect()
     };
     let (a, b) = (inside(&plain), inside(&by_folds));
     assert_eq!(a, b);

@@ -41,7 +41,7 @@ pub fn running_derivative() {
     }
     for answer in sound_answers(sponge, &[[2.0, 2.0, 2.0], [1.001, 1.001, 1.001]]) {
         let wanted = length(answer.p.map(|x| x - 1.0));
-        let slack = if answer.target == Target::CpuF64 { 1e-5 } else { 1e-3 };
+        let slack = if answer.target == Target::CPU_F64 { 1e-5 } else { 1e-3 };
         assert!(answer.de <= wanted * (1.0 + slack + answer.slack()), "{wanted}: {answer:?}");
         assert!(!answer.inside && answer.de > 0.0, "{answer:?}");
     }
@@ -112,7 +112,7 @@ pub fn far_field() {
         let wanted = length(rays[i].0) - 1.0;
         let depth = depth.unwrap_or_else(|| panic!("{target:?} {method:?}: ray {i} misses"));
         // Single precision has steps of 1e-3 at 1e4.
-        let slack = if target == Target::CpuF64 { 2e-4 } else { 2e-4 + wanted * 1e-6 };
+        let slack = if target == Target::CPU_F64 { 2e-4 } else { 2e-4 + wanted * 1e-6 };
         assert!((depth - wanted).abs() < slack, "{target:?} {method:?}: {depth}, not {wanted}");
     });
     for answer in sound_answers(BALL, &[[100.0, 0.0, 0.0]]) {

@@ -6,8 +6,8 @@ use bulbfold::check::Formula;
 use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
 use bulbfold::graph::{EstimateSettings, Method};
-use bulbfold::kernel::cpu::{Cpu, Precision};
-use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
+use bulbfold::kernel::cpu::Cpu;
+use bulbfold::math::Precision;
 use bulbfold::render::{RenderSettings, Renderer, Stats, compose_pipeline};
 use bulbfold::shade::Size;
 
@@ -39,11 +39,10 @@ fn pictures(formula: &Formula) -> Vec<Picture> {
     let subject = formula.subject();
     for method in Method::ALL.into_iter().filter(|m| subject.choices(Some(*m)).is_some()) {
         for precision in [Precision::F64, Precision::F32] {
-            let min_difference = if precision == Precision::F64 { MIN_DIFFERENCE_F64 } else { MIN_DIFFERENCE_F32 };
             let settings = RenderSettings {
                 size: SIZE,
                 estimate: EstimateSettings { method: Some(method), ..EstimateSettings::default() },
-                min_difference,
+                precision,
                 ..RenderSettings::default()
             };
             let arena = Arc::new(Arena::default());

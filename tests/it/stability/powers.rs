@@ -133,7 +133,7 @@ pub fn negative_powers() {
             for answer in answers(&formula(&text), &points) {
                 assert!(!answer.inside, "{convention} {power}: {answer:?}");
                 // From 0.001 the power -8 leads to 1e24, from there to nowhere in single precision.
-                assert!(answer.de >= 0.0 || (answer.de.is_nan() && answer.target != Target::CpuF64), "{answer:?}");
+                assert!(answer.de >= 0.0 || (answer.de.is_nan() && answer.target != Target::CPU_F64), "{answer:?}");
             }
             // The pole: thrown out at once, as far as numbers reach.
             for answer in answers(&formula(&text), &[[0.0; 3]]) {
@@ -164,7 +164,7 @@ pub fn hopeless_overflow() {
     for answer in answers(&formula, &[seams(1.2), seams(1.5), seams(1.9), seams(1e6f64.powf(1.0 / 65.0))].concat()) {
         let r = length(answer.p);
         assert!(!answer.inside, "{answer:?}");
-        if answer.target == Target::CpuF64 || !answer.de.is_nan() {
+        if answer.target == Target::CPU_F64 || !answer.de.is_nan() {
             answer.is(r * r.ln() / 2.0);
         }
     }

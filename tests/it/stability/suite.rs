@@ -46,7 +46,7 @@ impl Answer {
     /// Relative error that rounding may make, and differences over a hundredth of the estimate in addition: along the ray
     /// they go inwards, where r is less, which counts the more the farther r has grown.
     pub fn slack(&self) -> f64 {
-        let single = if self.target == Target::CpuF64 { 1e-9 } else { 1e-4 };
+        let single = if self.target == Target::CPU_F64 { 1e-9 } else { 1e-4 };
         let difference = match self.method {
             Method::Delta => 3e-2,
             Method::DeltaRay => 0.4,

@@ -9,7 +9,7 @@ use memmap2::{Mmap, MmapMut};
 
 use super::instructions::{Form, Fused, InstructionSet};
 use super::trace::{Binary, Comparison, Unary};
-use crate::kernel::cpu::Precision;
+use crate::math::Precision;
 
 /// Points at the frame of vectors.
 pub(super) const FRAME: Register = Register::RBX;

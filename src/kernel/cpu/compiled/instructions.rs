@@ -4,7 +4,7 @@ use iced_x86::Code::*;
 use iced_x86::{Code, Register};
 
 use super::trace::{Binary, Unary};
-use crate::kernel::cpu::Precision;
+use crate::math::Precision;
 
 /// An instruction set of the processor.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -34,7 +34,7 @@ impl InstructionSet {
 
     /// Numbers of a vector.
     pub(in crate::kernel::cpu) fn lanes(self, precision: Precision) -> usize {
-        self.bytes() / precision_bytes(precision)
+        self.bytes() / precision.bytes()
     }
 
     /// Vector registers.
@@ -54,7 +54,7 @@ impl InstructionSet {
     pub(super) fn pooled_words(self, precision: Precision) -> usize {
         match self {
             InstructionSet::Avx2 => self.bytes() / 4,
-            InstructionSet::Avx512 => precision_bytes(precision) / 4,
+            InstructionSet::Avx512 => precision.bytes() / 4,
         }
     }
 
@@ -65,13 +65,6 @@ impl InstructionSet {
             InstructionSet::Avx512 => Register::ZMM0,
         };
         first + u32::from(number)
-    }
-}
-
-fn precision_bytes(precision: Precision) -> usize {
-    match precision {
-        Precision::F32 => 4,
-        Precision::F64 => 8,
     }
 }
 

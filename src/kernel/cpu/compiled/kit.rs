@@ -5,7 +5,7 @@ use fearless_simd::{Avx2, Avx512, Simd};
 use super::assemble::Function;
 use super::instructions::InstructionSet;
 use super::trace::Kit;
-use crate::kernel::cpu::Precision;
+use crate::math::Precision;
 use crate::math::{Lanes, Pack, Real};
 
 /// The kit of one instruction set and precision.

@@ -5,7 +5,7 @@ use iced_x86::{Code, Instruction};
 
 use super::assemble::{Assembler, Source, VALID, mask};
 use super::instructions::Form;
-use crate::kernel::cpu::Precision;
+use crate::math::Precision;
 
 impl Assembler {
     pub(super) fn mask_and(&mut self, dst: u8, a: u8, b: u8) {

@@ -29,7 +29,7 @@ use self::assemble::{Line, MachineCode};
 use self::copies::{COPIES, MORE_COPIES};
 pub(super) use self::instructions::InstructionSet;
 pub(super) use self::kernels::compile;
-use crate::kernel::cpu::Precision;
+use crate::math::Precision;
 
 /// Whether the system lets the process make code of its own, which service managers and sandboxes may refuse. Tried once.
 pub(super) fn is_allowed() -> bool {

@@ -7,8 +7,8 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::kernel::cpu::Precision;
 use crate::kernel::cpu::interpret::Machine;
+use crate::math::Precision;
 use crate::math::Real;
 use crate::math::scalar::FUSED;
 

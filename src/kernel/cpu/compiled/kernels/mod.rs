@@ -16,12 +16,12 @@ use super::kit::Kits;
 use super::segment::{Activity, CallSlots, Segment, Slots, Target};
 use super::trace::{Operation, Place, Recorder, Traced, TracedMask, Value};
 use super::{ColumnPlaces, Compiled};
-use crate::kernel::cpu::Precision;
 use crate::kernel::cpu::estimate::POINT;
 use crate::kernel::cpu::interpret::interpret;
 use crate::kernel::cpu::march::{COLUMNS, RAY, STATE, STATUS, STEPS};
 use crate::kernel::cpu::tapes::{EstimatorTapes, MarchTapes, Program, TapeSet};
 use crate::kernel::tape::Tape;
+use crate::math::Precision;
 use crate::math::Real;
 
 /// Compiles a kernel; `None` where the system allows no code to be made.

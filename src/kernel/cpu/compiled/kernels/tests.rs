@@ -6,11 +6,11 @@ use iced_x86::{Code, Instruction};
 
 use super::Builder;
 use crate::graph::{EstimateSettings, Method};
-use crate::kernel::cpu::Precision;
 use crate::kernel::cpu::compiled::assemble::Counter;
 use crate::kernel::cpu::compiled::instructions::{Form, InstructionSet};
 use crate::kernel::cpu::tapes::{OrbitTapes, Program};
 use crate::kernel::wgsl::tests::pipeline;
+use crate::math::Precision;
 use crate::render::RenderSettings;
 
 /// The march of a built-in fractal with an estimate of this method.
