@@ -1,8 +1,6 @@
 //! Which back end does the work: the only place that opens a GPU.
 
-use std::sync::Mutex;
-#[cfg(feature = "gpu")]
-use std::sync::PoisonError;
+use std::sync::{Mutex, PoisonError};
 
 use super::{BackendChoice, Error, Observer};
 #[cfg(feature = "gpu")]
@@ -62,6 +60,16 @@ impl Backends {
             opened.kernels = Kept::keeping();
         }
         self.keeps = true;
+    }
+
+    /// Kernels that were compiled so far.
+    pub fn compiled(&self) -> usize {
+        let of = |kept: &Mutex<Kept<Cpu>>| kept.lock().unwrap_or_else(PoisonError::into_inner).compiled();
+        let all = self.cpu.iter().map(of).sum::<usize>();
+        #[cfg(feature = "gpu")]
+        let all = all
+            + self.gpu.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map_or(0, |gpu| gpu.kernels.compiled());
+        all
     }
 
     /// Back ends that use a device which is open already, whatever it is.

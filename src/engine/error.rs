@@ -6,7 +6,6 @@ use crate::diag::{Diagnostic, Diagnostics, Sources};
 use crate::kernel::BackendError;
 
 /// Why there is no picture.
-#[derive(Debug)]
 pub enum Error {
     /// The formula has errors; they point into its texts.
     Formula(Box<FormulaMessages>),
@@ -31,7 +30,6 @@ pub enum Error {
 }
 
 /// Messages, and the texts that they point into.
-#[derive(Debug)]
 pub struct FormulaMessages {
     /// The messages.
     pub messages: Diagnostics,
@@ -72,6 +70,13 @@ impl fmt::Display for Error {
             Error::Sink(error) => write!(f, "the picture cannot be written: {error}"),
             Error::Cancelled => f.write_str("the work was cancelled"),
         }
+    }
+}
+
+// `unwrap` in a test prints the debug form: the same text, since it is made for people.
+impl fmt::Debug for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "\n{self}")
     }
 }
 

@@ -72,6 +72,13 @@ impl Job {
         }
     }
 
+    /// The same from another place, with all that was chosen: for frames of a film and for cameras that are moved by hand, whose
+    /// views are alike.
+    #[must_use]
+    pub fn with_camera(&self, camera: Camera) -> Job {
+        Job { camera: Some(camera), composed: OnceLock::new(), ..self.clone() }
+    }
+
     /// Columns and rows.
     pub fn size(&self) -> Size {
         self.request.size

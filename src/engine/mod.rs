@@ -79,6 +79,18 @@ impl Engine {
         }
     }
 
+    /// The engine with one more step, from the text of its file.
+    ///
+    /// Errors: [`Error::Formula`] where it is broken.
+    pub fn with_step(mut self, name: &str, text: &str) -> Result<Engine, Error> {
+        let mut messages = Diagnostics::default();
+        self.library.add_step_text(Path::new(&format!("{name}.rhai")), text.to_string(), &mut messages);
+        match messages.has_errors() {
+            true => Err(Error::Formula(Box::new(FormulaMessages { messages, sources: self.library.sources }))),
+            false => Ok(self),
+        }
+    }
+
     /// The engine with a device that its caller has opened.
     #[cfg(feature = "gpu")]
     #[must_use]

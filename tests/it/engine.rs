@@ -62,8 +62,8 @@ fn jobs_travel_as_text_and_their_rows_join() {
     std::fs::write(
         folder.path().join("lean.rhai"),
         "fn step(z, c, p) { vec3(z.x + p.by * z.y, z.y, z.z) }\nfn derivative(z, dr, p) { dr * (1.0 + abs(p.by)) }\n\
-         #{ group: \"transform\", summary: \"Leans.\", source: \"A test\", growth: \"linear\", scalar_rule: \"bound\",\n\
-         params: [#{ name: \"by\", kind: \"number\", default: 0.1, min: -1.0, max: 1.0 }], examples: [] }\n",
+         #{ group: \"transform\", summary: \"Leans.\", source: \"A test\", growth: \"linear\", scalar_rule: \"exact\",\n\
+         params: [#{ name: \"by\", type: \"float\", \"default\": 0.1, min: -1.0, max: 1.0, unit: \"\", help: \"How far.\" }], examples: [] }\n",
     )
     .unwrap();
     let file = folder.path().join("leaning.ron");
@@ -130,6 +130,26 @@ fn work_ends_where_its_observer_says() {
     assert!(engine.render(&job, job.rows(), &mut image, &mut all).is_ok());
     assert_eq!(all.shares.last(), Some(&1.0));
     assert!(matches!(engine.render(&job, 3..361, &mut image, &mut ()), Err(Error::Request { .. })));
+}
+
+#[test]
+fn other_numbers_of_a_kept_job_compile_once_more_and_then_nothing() {
+    let engine = Engine::new().keeping_kernels();
+    let formula = engine.open("mandelbulb").unwrap();
+    let job = engine.settle(&formula, &Request { calibrate: false, ..request() }, &mut ()).unwrap();
+    let base = job.camera.expect("a solid has a camera");
+    let mut compiled = Vec::new();
+    for step in 0..5 {
+        let angle = 0.3 * f64::from(step);
+        let turned =
+            job.with_camera(CameraChange { turn: Some(angle), ..CameraChange::default() }.apply(base).unwrap());
+        let kept = rendered(&engine, &turned, &[]);
+        assert!(kept == rendered(&Engine::new(), &turned, &[]), "the picture is that of kernels of its own");
+        compiled.push(engine.backends().compiled());
+    }
+    let new: Vec<usize> = compiled.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    // A number that moves for the first time takes one more turn, such as a coordinate that was 0 before.
+    assert!(new[0] > 0 && new[0] < compiled[0] && new[2..] == [0, 0], "{compiled:?}");
 }
 
 #[test]

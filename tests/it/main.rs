@@ -20,6 +20,7 @@ mod docs;
 mod end_shapes;
 mod engine;
 mod estimate_settings;
+mod examples;
 mod exchange;
 mod expressions;
 mod find;
