@@ -1,5 +1,5 @@
 #!/bin/sh
-# Draws the charts of docs/accuracy.md again: sh scripts/accuracy.sh, from the repository's root.
+# Draws the charts of docs/lab/accuracy.md again: sh scripts/accuracy.sh, from the repository's root.
 set -eu
 bulbfold=${BULBFOLD:-target/release/bulbfold}
 [ -x "$bulbfold" ] || cargo build --release

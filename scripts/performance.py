@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Times Bulbfold beside Mandelbulber and a hand-written GLSL marcher on the same views, and writes a Markdown table.
 
-  scripts/performance.py --scenes DIR [--runs 5] [--threads 2] [--only REGEX] [--results FILE] [--write docs/performance.md]
+  scripts/performance.py --scenes DIR [--runs 5] [--threads 2] [--only REGEX] [--results FILE] [--write docs/lab/comparison.md]
 
 DIR holds Mandelbulber's settings (NAME.fract) for the views of benches/scenes/NAME.ron. What is not installed is left
 out, and the table says so. All programs run by turns, so that a slow moment of the machine hits each of them; the fastest

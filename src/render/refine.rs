@@ -8,7 +8,7 @@ use crate::film::Tile;
 /// Most difference between the first samples of a pixel and its neighbours where one sample is enough, in 255ths of sRGB.
 ///
 /// Over all built-in fractals it leaves at most 0.3 % of pixels off by more than 2 from all samples; 12 leaves twice as
-/// many for 1 % less work (see docs/performance-pictures.md).
+/// many for 1 % less work (see docs/lab/performance-pictures.md).
 const MOST_DIFFERENCE: u8 = 8;
 
 /// The first samples of some rows.

@@ -12,6 +12,8 @@ use bulbfold::march::MarchSettings;
 use bulbfold::math::Precision;
 use bulbfold::shade::Size;
 
+use crate::support::folder;
+
 /// Pixels of a small picture: the truth is as fine as they are.
 const SIZE: Size = Size { width: 320, height: 240 };
 /// Rays that the choice is judged on: a bar of 0.5 % needs far more than the 300 of a glance.
@@ -240,7 +242,7 @@ fn a_budget_that_nothing_keeps_is_told_with_its_cause() {
 
 #[test]
 fn outcomes_are_kept_and_broken_files_are_made_anew() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let formula = Formula::builtin("menger").unwrap().without_calibration();
     let options = Options { cache: Some(folder.path().to_path_buf()), ..options(&formula) };
     let first = calibrated(&formula, &options);

@@ -3,8 +3,10 @@
 //! Each case is a formula in RON and runs on the f64 interpreter, the wide f32 interpreter and, where there is an adapter,
 //! the GPU. Tolerances: one for each target, see [`slack`].
 
-use bulbfold::check::{Backends, Formula, Random, Subject, Target};
+use bulbfold::check::{Backends, Random, Subject, Target};
 use bulbfold::graph::Method;
+
+use crate::support::formula;
 
 type P = [f64; 3];
 
@@ -41,10 +43,6 @@ fn points(count: usize, from: f64, to: f64) -> Vec<P> {
 
 fn length(p: P) -> f64 {
     p.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-fn formula(text: &str) -> Formula {
-    Formula::from_ron(text).unwrap_or_else(|error| panic!("{text}\n{error}"))
 }
 
 fn estimates(

@@ -11,6 +11,8 @@ use bulbfold::math::Precision;
 use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_planned};
 use bulbfold::shade::{CameraFrame, Size, pixel_radius};
 
+use crate::support::formula;
+
 const SIZE: Size = Size { width: 320, height: 240 };
 /// Pixels that are compared with brute force.
 const RAYS: usize = 2000;
@@ -201,10 +203,6 @@ fn methods_of_one_direction_have_no_beams() {
         let settings = settings(SIZE, false, Target::CPU_F32);
         assert_eq!(pipeline(&subject, &settings, &plan).beams.is_some(), has, "{}", method.name());
     }
-}
-
-fn formula(text: &str) -> Formula {
-    Formula::from_ron(text).unwrap_or_else(|error| panic!("{text}: {error}"))
 }
 
 /// Exact distances, a wide view from within the bounding sphere, and tiles that the picture's edges cut.

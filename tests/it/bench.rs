@@ -1,18 +1,20 @@
 //! `bulbfold bench`: its tables, JSON and CSV, counts against known ones, and messages. Times are never asserted.
 
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Output;
 
 use serde_json::Value;
 
+use crate::support::{bulbfold, folder, stderr, stdout};
+
 fn bench(arguments: &[&str]) -> Output {
     let common = ["bench", "--size", "32x24", "--time", "0.05", "--calibrate", "off", "-q"];
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.args(common).args(arguments).output().expect("it starts")
+    bulbfold(Path::new("."), common.iter().chain(arguments))
 }
 
 fn text(output: &Output) -> String {
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8_lossy(&output.stdout).into_owned()
+    assert!(output.status.success(), "{}", stderr(&output));
+    stdout(&output)
 }
 
 fn json(arguments: &[&str]) -> Value {
@@ -61,7 +63,7 @@ fn every_back_end_does_the_same_work() {
 fn counts_are_known_ones() {
     // One scaling by 2 with c: z 2 z + c is three products with sums, r² three more, a comparison and its opposite; the
     // derivative 2 dr + 1 is one. The set is a point, around which no orbit ends early, so nothing is compared with a threshold.
-    let folder = tempfile::tempdir().expect("a folder can be made");
+    let folder = folder();
     let file = folder.path().join("grow.ron");
     std::fs::write(&file, "(nodes: {\"grow\": scale(scale: 2.0)}, output: \"grow\")").expect("it can be written");
     let result = json(&[file.to_str().unwrap(), "--de", "scalar", "--backend", "cpu"]);
@@ -108,9 +110,8 @@ fn wrong_usage_is_told() {
         (&["mandelbulb", "--backend", "gpu", "--precision", "f64"], "exclude each other"),
     ];
     for (arguments, expected) in cases {
-        let output =
-            Command::new(env!("CARGO_BIN_EXE_bulbfold")).arg("bench").args(arguments).output().expect("it starts");
-        let said = String::from_utf8_lossy(&output.stderr);
+        let output = bulbfold(Path::new("."), [&["bench"], arguments].concat());
+        let said = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
         assert!(said.contains(expected), "{arguments:?}: {said}");
     }
@@ -121,10 +122,7 @@ fn timing_scenes_are_what_the_other_programs_render() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/scenes");
     for (name, iterations) in [("a_bulb8", 20), ("b_box2", 20), ("c_menger", 12), ("d_boxm15_bulb8", 20)] {
         let file = format!("{folder}/{name}.ron");
-        let compile = |arguments: &[&str]| {
-            let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-            text(&command.arg("compile").arg(&file).args(arguments).output().expect("it starts"))
-        };
+        let compile = |arguments: &[&str]| text(&bulbfold(Path::new("."), [&["compile", &file], arguments].concat()));
         let cost = compile(&["--emit", "cost"]);
         assert!(cost.contains(&format!("at most {iterations} iterations")), "{name}:\n{cost}");
         // No shadow, occlusion, fog or trap: nothing but rays, a march, a normal and a light.

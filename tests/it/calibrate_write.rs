@@ -1,19 +1,15 @@
 //! Calibrations written into formula files, and tables of truths.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use bulbfold::check::Formula;
 use bulbfold::graph::NodeKind;
 
-fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("BULBFOLD_CACHE", "");
-    command.output().expect("it starts")
-}
+use crate::support::{bulbfold, folder, stderr, stdout};
 
 fn texts(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+    format!("{}{}", stdout(&output), stderr(&output))
 }
 
 const MENGER: &str = "// kept\n(\n    nodes: { \"a\": Sequence([menger_fold(), scale(scale: 3.0, centre: (1, 1, 1))]) },\n    constant: Off, // here too\n    escape_radius: 8.0,\n    max_iterations: 4,\n    bounding_radius: 1.75,\n    camera: (position: (2.2, -3.2, 1.9), target: (0, 0, 0), fov: 40),\n)\n";
@@ -21,7 +17,7 @@ const SCENE: &str = "(nodes: { \"map\": bulb_power(power: 8), \"bulb\": Orbit(of
 
 #[test]
 fn the_choice_is_written_and_nothing_else_changes() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let path = |name: &str| folder.path().join(name);
     std::fs::write(path("sponge.ron"), MENGER).unwrap();
     std::fs::write(path("scene.ron"), SCENE).unwrap();
@@ -62,7 +58,7 @@ fn the_choice_is_written_and_nothing_else_changes() {
 
 #[test]
 fn only_formula_files_are_written() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     for arguments in [vec!["calibrate", "menger", "--write"], vec!["calibrate", "a.rhai", "--write"]] {
         let output = bulbfold(folder.path(), &arguments);
         assert_eq!(output.status.code(), Some(2), "{}", texts(&output));
@@ -72,7 +68,7 @@ fn only_formula_files_are_written() {
 
 #[test]
 fn tables_of_truths_say_who_breaks_the_budget() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let quick = ["--rays", "150", "--size", "160x120", "--de", "scalar", "--calibrate", "off", "--markdown"];
     let table = |files: &[&'static str], fudge: &'static str| {
         bulbfold(folder.path(), &[&["truth"], files, &quick, &["--fudge", fudge]].concat())
@@ -80,7 +76,7 @@ fn tables_of_truths_say_who_breaks_the_budget() {
     // The sponge's scalar rule is a bound, so nothing is missed.
     let output = table(&["menger"], "1");
     assert!(output.status.success(), "{}", texts(&output));
-    let lines: Vec<String> = String::from_utf8_lossy(&output.stdout).lines().map(str::to_string).collect();
+    let lines: Vec<String> = stdout(&output).lines().map(str::to_string).collect();
     assert_eq!(lines.len(), 3, "{lines:?}");
     assert!(lines[0].starts_with("| Fractal | Estimate |") && lines[1].starts_with("|---|"), "{lines:?}");
     assert!(

@@ -1,18 +1,18 @@
 //! The command `chart`: what it writes, and what it says about bad input.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
+
+use crate::support::{bulbfold, folder, stderr};
 
 fn chart(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    let output = command.arg("chart").args(arguments).args(["--backend", "cpu"]).current_dir(folder).output();
-    output.expect("the program starts")
+    bulbfold(folder, [&["chart"], arguments, &["--backend", "cpu"]].concat())
 }
 
 fn written(arguments: &[&str], name: &str) -> Vec<u8> {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let output = chart(folder.path(), &[arguments, &["-q", "-o", name]].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{}", stderr(&output));
     assert!(output.stdout.is_empty() && output.stderr.is_empty());
     let files = std::fs::read_dir(folder.path()).unwrap().count();
     assert_eq!(files, 1, "nothing but the chart is left");
@@ -102,9 +102,9 @@ fn bad_input_is_told_and_writes_nothing() {
         (&["mandelbulb", "--fudge", "x"], "not a number"),
     ];
     for (arguments, expected) in cases {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = folder();
         let output = chart(folder.path(), arguments);
-        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        let stderr = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{stderr}");
         assert!(stderr.contains(expected), "{stderr}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

@@ -1,12 +1,12 @@
 //! What is wrong in a formula is found and named; what is shipped is clean.
 
-use std::path::Path;
-use std::process::{Command, Output};
 
 use bulbfold::check::Formula;
 use bulbfold::check::health::{Health, Kind, Severity, check_formula, check_step};
 use bulbfold::formula::library::Library;
 use bulbfold::shade::Size;
+
+use crate::support::{bulbfold, folder_with, stderr, stdout};
 
 const SIZE: Size = Size { width: 320, height: 180 };
 
@@ -87,24 +87,17 @@ const GRAPH: &str = r#"(
 )"#;
 
 /// A folder with the step and a formula that uses it.
-fn folder(step: &str, graph: &str) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("my_step.rhai"), step).unwrap();
-    std::fs::write(folder.path().join("mine.ron"), graph).unwrap();
-    folder
-}
-
-fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bulbfold")).args(arguments).current_dir(folder).output().expect("it starts")
+fn beside(step: &str, graph: &str) -> tempfile::TempDir {
+    folder_with(&[("my_step.rhai", step), ("mine.ron", graph)])
 }
 
 /// Checks the formula and the step alone; both must be told the same thing. Returns the text.
 fn expect_wrong(step: &str, words: &[&str]) {
-    let folder = folder(step, GRAPH);
+    let folder = beside(step, GRAPH);
     for file in ["mine.ron", "my_step.rhai"] {
         let output = bulbfold(folder.path(), &["check", file, "--size", "320x180"]);
-        let text = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert_eq!(output.status.code(), Some(1), "{file}\n{text}\n{}", String::from_utf8_lossy(&output.stderr));
+        let text = stdout(&output);
+        assert_eq!(output.status.code(), Some(1), "{file}\n{text}\n{}", stderr(&output));
         for word in words {
             assert!(text.contains(word), "{file} does not say `{word}`:\n{text}");
         }
@@ -114,11 +107,11 @@ fn expect_wrong(step: &str, words: &[&str]) {
 
 #[test]
 fn a_sound_step_is_clean() {
-    let folder = folder(SOUND, GRAPH);
+    let folder = beside(SOUND, GRAPH);
     for file in ["mine.ron", "my_step.rhai"] {
         let output = bulbfold(folder.path(), &["check", file, "--size", "320x180"]);
-        let text = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert_eq!(output.status.code(), Some(0), "{file}\n{text}\n{}", String::from_utf8_lossy(&output.stderr));
+        let text = stdout(&output);
+        assert_eq!(output.status.code(), Some(0), "{file}\n{text}\n{}", stderr(&output));
         assert!(text.contains("result: 0 wrong"), "{text}");
     }
 }
@@ -207,20 +200,20 @@ fn iterations_that_no_pixel_shows_are_noted() {
 
 #[test]
 fn bad_input_is_refused_with_2() {
-    let folder = folder(SOUND, "(nodes: {");
+    let folder = beside(SOUND, "(nodes: {");
     for file in ["mine.ron", "no_such_thing", "."] {
         let output = bulbfold(folder.path(), &["check", file]);
         assert_eq!(output.status.code(), Some(2), "{file}");
-        assert!(String::from_utf8_lossy(&output.stderr).starts_with("error"), "{file}");
+        assert!(stderr(&output).starts_with("error"), "{file}");
     }
 }
 
 #[test]
 fn json_lines_are_complete() {
-    let folder = folder(&SOUND.replace("dr * 1.0", "dr * 0.5"), GRAPH);
+    let folder = beside(&SOUND.replace("dr * 1.0", "dr * 0.5"), GRAPH);
     let output = bulbfold(folder.path(), &["check", "mine.ron", "--size", "320x180", "--json"]);
     assert_eq!(output.status.code(), Some(1));
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let text = stdout(&output);
     let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
     let rule = lines.iter().find(|line| line["finding"]["kind"] == "rule").expect("the rule is found");
     assert_eq!(rule["finding"]["severity"], "wrong");

@@ -1,7 +1,7 @@
 //! What calibration chooses: the same under any load, at a sensible price, with the evidence that it was decided by.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use bulbfold::calibrate::{Calibration, MOST_PRICE, Options, Origin, Row, calibrate};
@@ -9,6 +9,8 @@ use bulbfold::check::Formula;
 use bulbfold::compose::choose;
 use bulbfold::graph::{EstimateSettings, Method, Quality};
 use bulbfold::shade::Size;
+
+use crate::support::{self, folder, stderr, stdout};
 
 const SMALL: Size = Size { width: 160, height: 120 };
 
@@ -150,16 +152,14 @@ fn a_broken_rule_is_blamed_whatever_method_is_left() {
 }
 
 fn bulbfold(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.args(arguments).current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/calibration"));
-    command.env("NO_COLOR", "1").env("BULBFOLD_CACHE", "").output().expect("it starts")
+    support::bulbfold(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/calibration"), arguments)
 }
 
 /// The table says what was counted, the bound that follows, and what it had to be under: and that is what was applied.
 #[test]
 fn the_limit_that_is_printed_is_the_limit_that_is_applied() {
     let output = bulbfold(&["calibrate", "sines.ron", "--size", "64x36"]);
-    let text = String::from_utf8_lossy(&output.stdout);
+    let text = stdout(&output);
     assert!(text.contains("missed hits at most 0.50 %") && text.contains("early stops at most 5.00 %"), "{text}");
     assert!(text.contains("95 % confidence"), "{text}");
     let json = bulbfold(&["calibrate", "sines.ron", "--size", "64x36", "--json"]);
@@ -186,13 +186,13 @@ fn the_limit_that_is_printed_is_the_limit_that_is_applied() {
 fn a_dear_choice_is_told_before_it_is_taken() {
     let arguments =
         ["render", "opaque.ron", "--size", "32x24", "--samples", "1", "--backend", "cpu", "--quality", "proof"];
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let out = folder.path().join("a.png");
     let output = bulbfold(&[&arguments[..], &["-o", out.to_str().expect("a path")]].concat());
-    let text = String::from_utf8_lossy(&output.stderr);
+    let text = stderr(&output);
     assert!(output.status.success(), "{text}");
     assert!(text.contains("estimates a ray") && text.contains("the estimate is expensive"), "{text}");
     let refused = bulbfold(&["render", "opaque.ron", "--quality", "proof", "--calibrate", "off"]);
     assert_eq!(refused.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("--de certified-ball"));
+    assert!(stderr(&refused).contains("--de certified-ball"));
 }

@@ -1,28 +1,11 @@
 //! The program as users run it: the built binary in a fresh folder.
 
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Output, Stdio};
 
 use serde_json::Value;
 
-/// Runs `bulbfold` in a folder.
-fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("BULBFOLD_CACHE", "").stdin(Stdio::null());
-    command.output().expect("the program starts")
-}
-
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a temporary folder can be made")
-}
-
-fn stdout(output: &Output) -> String {
-    String::from_utf8(output.stdout.clone()).expect("stdout is text")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).expect("stderr is text")
-}
+use crate::support::{bulbfold, folder, program, stderr, stdout};
 
 fn code(output: &Output) -> i32 {
     output.status.code().expect("the program was not killed")
@@ -124,7 +107,7 @@ fn bad_input_exits_with_2_and_writes_nothing() {
         (&["frobnicate"], "frobnicate"),
     ];
     for (arguments, expected) in cases {
-        let output = bulbfold(folder.path(), arguments);
+        let output = bulbfold(folder.path(), *arguments);
         let text = stderr(&output);
         assert_eq!(code(&output), 2, "{arguments:?}: {text}");
         assert!(text.contains(expected), "{arguments:?} should say {expected}: {text}");
@@ -153,7 +136,7 @@ fn a_probe_of_points_gives_a_line_each_in_order() {
         bulbfold(folder.path(), &["probe", "mandelbulb", "--json", "--point", "-1.3,0,-2", "--precision", "f32"]);
     assert_eq!(json_lines(&output)[0]["p"], serde_json::json!([-1.3, 0.0, -2.0]));
     let output = bulbfold(folder.path(), &["probe", "mandelbulb", "--point", "1.3,0,0"]);
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let text = stdout(&output);
     assert!(text.contains("escaped true") && text.contains("p (1.300000, 0.000000, 0.000000)"), "{text}");
 }
 
@@ -251,8 +234,8 @@ fn lists_explanations_and_references_are_written() {
 #[test]
 fn a_closed_pipe_is_not_an_error() {
     let folder = folder();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.args(["explain", "bulb_power"]).current_dir(folder.path()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut command = program(folder.path());
+    command.args(["explain", "bulb_power"]).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("the program starts");
     drop(child.stdout.take());
     let output = child.wait_with_output().expect("the program ends");
@@ -296,9 +279,8 @@ fn an_audit_says_what_is_proven_and_what_was_missed() {
 fn calibrations_are_shown_kept_and_switched_off() {
     let folder = folder();
     let run = |arguments: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-        command.args(arguments).current_dir(folder.path()).env("NO_COLOR", "1").stdin(Stdio::null());
-        command.env("BULBFOLD_CACHE", folder.path().join("cache")).output().expect("the program starts")
+        let mut command = program(folder.path());
+        command.args(arguments).env("BULBFOLD_CACHE", folder.path().join("cache")).output().expect("the program starts")
     };
     // The built-in file carries its estimate.
     let builtin = std::fs::read_to_string("formulas/fractals/menger.ron").expect("the repository's file");

@@ -13,11 +13,9 @@ use bulbfold::math::Precision;
 use bulbfold::render::{RenderSettings, Renderer, compose_pipeline};
 use bulbfold::shade::Size;
 
-const SIZE: Size = Size { width: 96, height: 54 };
+use crate::support::formula;
 
-fn formula(text: &str) -> Formula {
-    Formula::from_ron(text).unwrap_or_else(|error| panic!("{error}\n{text}"))
-}
+const SIZE: Size = Size { width: 96, height: 54 };
 
 /// Pixels of a picture in sRGB.
 fn picture(text: &str) -> Vec<[u8; 3]> {

@@ -1,6 +1,7 @@
 //! No more than the scene needs: what is switched off leaves no operation on the tape and no line in the WGSL, and hybrids
 //! cost what their steps cost. Everything here is counted, nothing timed.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use bulbfold::compose::{Composer, choose, field_orbits, iteration_parts};
@@ -12,6 +13,8 @@ use bulbfold::kernel::cost::{Cost, MarchCost};
 use bulbfold::kernel::{Kernel, wgsl};
 use bulbfold::load::{load, load_text};
 use bulbfold::render::{Pipeline, RenderSettings, compose_pipeline};
+
+use crate::support::{bulbfold, stderr, stdout};
 
 /// A formula's picture, and what it was made of.
 struct Made {
@@ -214,12 +217,9 @@ fn a_hybrid_costs_no_more_than_its_steps() {
 
 #[test]
 fn emit_cost_names_every_step() {
-    let output = std::process::Command::new(env!("CARGO_BIN_EXE_bulbfold"))
-        .args(["compile", "box_bulb", "--emit", "cost", "--de", "scalar"])
-        .output()
-        .expect("it starts");
-    let text = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = bulbfold(Path::new("."), ["compile", "box_bulb", "--emit", "cost", "--de", "scalar"]);
+    let text = stdout(&output);
+    assert!(output.status.success(), "{}", stderr(&output));
     for line in
         ["fold (box_fold)", "ball (sphere_fold)", "grow (scale)", "bulb (bulb_power)", "constant", "escape test"]
     {
@@ -244,12 +244,9 @@ fn emit_cost_names_every_step() {
 #[test]
 fn emit_cost_says_that_steps_of_proofs_are_bare() {
     for (method, is_said) in [("certified-ball", true), ("certified", true), ("scalar", false)] {
-        let output = std::process::Command::new(env!("CARGO_BIN_EXE_bulbfold"))
-            .args(["compile", "box_bulb", "--emit", "cost", "--de", method])
-            .output()
-            .expect("it starts");
-        let text = String::from_utf8_lossy(&output.stdout);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let output = bulbfold(Path::new("."), ["compile", "box_bulb", "--emit", "cost", "--de", method]);
+        let text = stdout(&output);
+        assert!(output.status.success(), "{}", stderr(&output));
         assert_eq!(text.contains("Steps stand without the bounds"), is_said, "{method}:\n{text}");
     }
 }

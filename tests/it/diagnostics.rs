@@ -4,6 +4,8 @@ use std::path::Path;
 
 use bulbfold::check::Formula;
 
+use crate::support::folder;
+
 /// A step file around the body of `fn step`.
 fn step(body: &str) -> String {
     format!(
@@ -15,7 +17,7 @@ fn step(body: &str) -> String {
 
 /// The message for a graph beside the step `mine`.
 fn message(graph: &str, step: &str) -> String {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     if !step.is_empty() {
         std::fs::write(folder.path().join("mine.rhai"), step).unwrap();
     }

@@ -7,9 +7,7 @@ use bulbfold::kernel::Kernel;
 use bulbfold::march::{MarchSettings, compose_march};
 use bulbfold::math::Precision;
 
-fn formula(text: &str) -> Formula {
-    Formula::from_ron(text).unwrap_or_else(|error| panic!("{text}\n{error}"))
-}
+use crate::support::formula;
 
 /// The step of finite differences that a march takes: the share or length asked for, above the precision's least one.
 #[test]

@@ -1,17 +1,14 @@
 //! Finding formulas by group, text and property, and starting from one of them.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
 use serde_json::Value;
 
-fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bulbfold")).args(arguments).current_dir(folder).output().expect("it starts")
-}
+use crate::support::{bulbfold, folder, stderr, stdout};
 
 fn listed(arguments: &[&str], kind: &str) -> Vec<String> {
     let output = bulbfold(Path::new("."), &[&["list", "--json"], arguments].concat());
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
     let list: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let names = list[kind].as_array().expect("a list").iter();
     names.map(|entry| entry["name"].as_str().expect("a name").to_string()).collect()
@@ -56,17 +53,17 @@ fn mistakes_are_told_with_the_closest_name() {
         (vec!["list", "nothing_has_this_name", "--exact"], "nothing matches"),
     ] {
         let output = bulbfold(Path::new("."), &arguments);
-        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        let text = stderr(&output);
         assert!(output.status.code() == Some(2) && text.contains(message), "{arguments:?}: {text}");
     }
 }
 
 #[test]
 fn new_files_start_from_any_step_or_fractal() {
-    let folder = tempfile::tempdir().expect("a folder can be made");
+    let folder = folder();
     for (name, from, file) in [("my_box", "mandelbox", "my_box.ron"), ("my_fold", "box_fold", "my_fold.rhai")] {
         let output = bulbfold(folder.path(), &["new", name, "--from", from]);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success(), "{}", stderr(&output));
         let text = std::fs::read_to_string(folder.path().join(file)).expect("the file was written");
         assert!(text.lines().next().is_some_and(|line| line.contains(&format!("`{from}`"))), "{text}");
         // It is not overwritten.
@@ -74,8 +71,8 @@ fn new_files_start_from_any_step_or_fractal() {
         assert_eq!(output.status.code(), Some(2));
         assert_eq!(std::fs::read_to_string(folder.path().join(file)).expect("it is there"), text);
         let output = bulbfold(folder.path(), &["test", file, "--no-gpu"]);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+        assert!(output.status.success(), "{}", stdout(&output));
     }
     let output = bulbfold(folder.path(), &["new", "a", "--from", "mandelbx"]);
-    assert!(String::from_utf8_lossy(&output.stderr).contains("did you mean `mandelbox`?"));
+    assert!(stderr(&output).contains("did you mean `mandelbox`?"));
 }

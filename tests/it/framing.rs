@@ -2,7 +2,7 @@
 //! is in the set.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use bulbfold::check::Formula;
 use bulbfold::compose::Composer;
@@ -13,11 +13,12 @@ use bulbfold::render::{Iterations, RenderSettings, Renderer, Standpoint, camera_
 use bulbfold::shade::Size;
 use glam::DVec3;
 
+use crate::support::{bulbfold, stderr};
+
 const SIZE: Size = Size { width: 160, height: 90 };
 
 fn run(arguments: &[&str]) -> Output {
-    let program = Path::new(env!("CARGO_BIN_EXE_bulbfold"));
-    Command::new(program).args(arguments).env("BULBFOLD_CACHE", "").output().unwrap()
+    bulbfold(Path::new("."), arguments)
 }
 
 /// Angle that a ball fills of half the picture's height.
@@ -56,7 +57,7 @@ fn a_camera_in_the_set_is_told_and_nothing_is_measured() {
     let picture = folder.join("inside.png");
     let picture = picture.to_str().unwrap();
     let output = run(&["render", "tests/it/reach/inside.ron", "--size", "64x36", "--json", "-q", "-o", picture]);
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    let told = stderr(&output);
     assert!(output.status.success(), "{told}");
     assert!(told.contains("inside of the set") && told.contains("--camera="), "{told}");
     assert!(!told.contains("no estimate keeps"), "{told}");

@@ -4,6 +4,8 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use crate::support::{folder_with, stderr, stdout};
+
 /// Most seconds of processor time, and KiB of address space, of a run: what the program itself needs, and what is allowed.
 const SECONDS: u32 = 10;
 const SPACE: u32 = 3_000_000;
@@ -19,17 +21,9 @@ fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
 /// What is said about a file that is refused.
 fn refused(folder: &Path, arguments: &[&str]) -> String {
     let output = bulbfold(folder, arguments);
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    let text = stderr(&output);
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {:?}\n{text}", output.status);
     text
-}
-
-fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a folder");
-    for (name, text) in files {
-        std::fs::write(folder.path().join(name), text).expect("a file");
-    }
-    folder
 }
 
 /// A picture that costs nothing.
@@ -46,7 +40,7 @@ fn maps_under_an_end_are_a_cycle() {
         "Transform(of: scale(scale: 2), translate: (1, 0, 0))",
         "Difference(a: Box(), b: Intersection([scale(scale: 2), Box()]))",
     ] {
-        let folder = folder(&[("f.ron", &file(w))]);
+        let folder = folder_with(&[("f.ron", &file(w))]);
         for command in [&["probe", "f.ron", "--point", "0,0,0.5"][..], &["explain", "f.ron"], &["check", "f.ron"]] {
             let text = refused(folder.path(), command);
             assert!(text.contains("cycle") && text.contains('w') && text.contains("f.ron:1:"), "{text}");
@@ -86,9 +80,9 @@ fn shared_wires_are_counted_before_they_are_composed() {
         chain(ball, 20, |i| format!("Union([\"a{i}\", Transform(of: \"a{i}\", translate: (1, 0, 0))])")),
     ];
     for text in &cases {
-        let folder = folder(&[("a.ron", text)]);
+        let folder = folder_with(&[("a.ron", text)]);
         let output = bulbfold(folder.path(), &["probe", "a.ron", "--point", "0.5,0.2,0.1", "--backend", "cpu"]);
-        let said = String::from_utf8_lossy(&output.stderr);
+        let said = stderr(&output);
         match output.status.code() {
             Some(0) => {}
             Some(2) => assert!(said.contains("is made of") && said.contains("a.ron:"), "{said}\n{text}"),
@@ -103,15 +97,15 @@ fn shared_wires_are_counted_before_they_are_composed() {
     }
     // Seven doublings are fine.
     let small = chain(fold, 7, |i| format!("Sequence([\"a{i}\", \"a{i}\"])"));
-    let folder = folder(&[("a.ron", &small)]);
+    let folder = folder_with(&[("a.ron", &small)]);
     let output = bulbfold(folder.path(), &["probe", "a.ron", "--point", "0.5,0.2,0.1", "--backend", "cpu"]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{}", stderr(&output));
 }
 
 #[test]
 fn scripts_have_no_clock() {
     let step = "fn step(z, c, p) {\n    sleep(1000000.0);\n    z * 2.0\n}\n#{}\n";
-    let folder = folder(&[
+    let folder = folder_with(&[
         ("sleep.rhai", "sleep(1000000); bulb_power()"),
         ("clock.rhai", "let t = timestamp(); bulb_power(#{ power: t.elapsed })"),
         ("sleep.ron", "(params: {\"p\": (default: 1)}, nodes: {\"a\": box_fold(limit: \"sleep(1000000)\")})"),
@@ -159,16 +153,16 @@ fn scripts_are_bounded() {
     ];
     for (name, text, expected) in cases {
         let file = format!("{name}.rhai");
-        let folder = folder(&[(&file, text)]);
+        let folder = folder_with(&[(&file, text)]);
         let output = bulbfold(folder.path(), &[&["render", &file][..], &SMALL].concat());
-        let said = String::from_utf8_lossy(&output.stderr);
+        let said = stderr(&output);
         assert!(matches!(output.status.code(), Some(0 | 2)), "{name}: {:?} {said}", output.status);
         // A slow machine ends some of them sooner.
         assert!(said.contains(expected) || said.contains("seconds"), "{name}: {said}");
     }
     let variables: String = (0..30_000).map(|i| format!("let v{i}=s+{i};")).collect();
     let text = format!("let s=\"a\";s.pad(99900,\"a\");{variables}bulb_power()");
-    let folder = folder(&[("vars.rhai", &text)]);
+    let folder = folder_with(&[("vars.rhai", &text)]);
     let said = refused(folder.path(), &[&["render", "vars.rhai"][..], &SMALL].concat());
     assert!(said.contains("variables") || said.contains("MiB"), "{said}");
 }
@@ -182,14 +176,14 @@ fn sines(count: u32) -> String {
 
 #[test]
 fn long_steps_are_taken_or_refused_by_all_commands() {
-    let folder = folder(&[
+    let folder = folder_with(&[
         ("long.rhai", &sines(100)),
         ("longer.rhai", &sines(60_000)),
         ("a.ron", "(nodes: { \"a\": long() }, max_iterations: 4)"),
         ("b.ron", "(nodes: { \"a\": longer() }, max_iterations: 4)"),
     ]);
     let probe = bulbfold(folder.path(), &["export", "a.ron", "--to", "wgsl"]);
-    assert!(probe.status.success(), "{}", String::from_utf8_lossy(&probe.stderr));
+    assert!(probe.status.success(), "{}", stderr(&probe));
     for command in [
         &["probe", "b.ron", "--point", "0.1,0.2,0.3"][..],
         &["check", "b.ron"],
@@ -202,7 +196,7 @@ fn long_steps_are_taken_or_refused_by_all_commands() {
 
 /// Control characters but for line ends and tabs.
 fn controls(output: &Output) -> Vec<char> {
-    let text = [String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr)].concat();
+    let text = [stdout(&output), stderr(&output)].concat();
     text.chars().filter(|c| c.is_control() && !"\n\r\t".contains(*c)).collect()
 }
 
@@ -213,7 +207,7 @@ fn nothing_of_a_file_reaches_a_terminal_raw() {
                  presets: {\"q\": (help: \"\\u{1b}[3m\", set: {\"max_iterations\": 4})}, tests: [Inside((9,9,9))])";
     let step = "fn step(z, c, p) {\n    z * 2.0\n}\n#{ group: \"t\", summary: \"\\x1b[31mRED\\x07\", source: \"\\x1b]0;t\\x07\", inventor: \"\\x1b[1m\" }\n";
     let loud = "e\u{1b}[31m.ron";
-    let folder = folder(&[("e.ron", graph), (loud, graph)]);
+    let folder = folder_with(&[("e.ron", graph), (loud, graph)]);
     std::fs::create_dir(folder.path().join("steps")).expect("a folder");
     std::fs::write(folder.path().join("steps/loud.rhai"), step).expect("a file");
     for command in [

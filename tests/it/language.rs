@@ -7,9 +7,7 @@ use bulbfold::formula::library::Library;
 use bulbfold::graph::{Escape, Method};
 use bulbfold::load::load_text;
 
-fn formula(text: &str) -> Formula {
-    Formula::from_ron(text).unwrap_or_else(|error| panic!("{error}\n{text}"))
-}
+use crate::support::formula;
 
 fn message(text: &str) -> String {
     Formula::from_ron(text).err().unwrap_or_else(|| panic!("it is taken: {text}")).to_string()

@@ -54,6 +54,7 @@ mod shortcuts;
 mod stability;
 mod step_rules;
 mod stop_at;
+mod support;
 mod sweep;
 mod truth;
 mod user_step;

@@ -5,6 +5,8 @@ use std::path::Path;
 use bulbfold::check::{Formula, Target};
 use bulbfold::graph::Method;
 
+use crate::support::folder;
+
 /// Adds what it had before, so that a point goes to 1, 2, 3, 5, 8 ... times itself.
 const STEP: &str = r#"
 // Adds what the state was the last time.
@@ -65,7 +67,7 @@ const NODES: &str = r#""add": fibonacci(), "double": scale(scale: 2.0), "half": 
 
 #[test]
 fn orbits_are_those_worked_out_by_hand() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     for (nodes, factors) in cases() {
         let tests: Vec<String> = (1..)
             .zip(&factors)
@@ -94,7 +96,7 @@ fn escapes() -> Vec<(&'static str, f64, f64)> {
 
 #[test]
 fn every_method_and_back_end_has_the_exact_distance() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let point = [1.02f64, 0.0, 0.0];
     for (nodes, factor, escape_radius) in escapes() {
         let expected = point[0] - 1.0 / factor;

@@ -7,6 +7,8 @@ use bulbfold::expr::{Arena, Function, Port, Type};
 use bulbfold::graph::{DeForm, Difference, Method};
 use bulbfold::kernel::{Estimator, Kernel};
 
+use crate::support::formula;
+
 type P = [f64; 3];
 
 thread_local! {
@@ -43,10 +45,6 @@ fn sphere_points(count: usize, from: f64, to: f64) -> Vec<P> {
 fn directions(count: usize) -> Vec<P> {
     let mut random = Random::new(9);
     (0..count).map(|_| random.direction()).collect()
-}
-
-fn formula(text: &str) -> Formula {
-    Formula::from_ron(text).unwrap_or_else(|error| panic!("{text}\n{error}"))
 }
 
 /// Where estimates are asked for: points, the rays' directions, and the step of differences.

@@ -1,6 +1,6 @@
 //! Formulas in mathematical notation: known texts, and well-formed LaTeX for every step and fractal.
 
-use std::process::Command;
+use std::path::Path;
 use std::sync::Arc;
 
 use bulbfold::check::is_conformal;
@@ -9,11 +9,12 @@ use bulbfold::formula::embedded::FRACTALS;
 use bulbfold::formula::library::Library;
 use bulbfold::formula::written::written;
 
+use crate::support::{bulbfold, stderr, stdout};
+
 fn explain(arguments: &[&str]) -> String {
-    let output =
-        Command::new(env!("CARGO_BIN_EXE_bulbfold")).arg("explain").args(arguments).output().expect("it starts");
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).expect("it is text")
+    let output = bulbfold(Path::new("."), [&["explain"], arguments].concat());
+    assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    stdout(&output)
 }
 
 /// Every bracket is closed by its own kind, and as many `\left` as `\right`, environments by pairs.

@@ -1,7 +1,6 @@
 //! Pictures of any size, whatever they are cut into, and with fewer samples where fewer do.
 
 use std::path::Path;
-use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -15,6 +14,8 @@ use bulbfold::kernel::{Backend, BackendError, Batch, Kernel, Results, Wanted};
 use bulbfold::math::Precision;
 use bulbfold::render::{Cut, RenderSettings, Renderer, Sampling, Stats, compose_pipeline};
 use bulbfold::shade::Size;
+
+use crate::support::{folder, program, stderr};
 
 /// No multiple of anything that pictures are cut into.
 const SIZE: Size = Size { width: 83, height: 61 };
@@ -329,7 +330,7 @@ fn decode(path: &Path) -> (u32, u32, Vec<u8>) {
 
 #[test]
 fn files_depend_on_the_picture_alone() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let (image, _) =
         picture(&Cpu::new(Precision::F32), &builtin("mandelbox"), None, &settings(1, Sampling::Full), None);
     let whole = folder.path().join("whole.png");
@@ -347,7 +348,7 @@ fn files_depend_on_the_picture_alone() {
 
 #[test]
 fn unfinished_files_leave_the_old_one() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let path = folder.path().join("picture.png");
     std::fs::write(&path, "old").unwrap();
     let row = vec![0; SIZE.width as usize * 3];
@@ -369,21 +370,20 @@ fn unfinished_files_leave_the_old_one() {
 
 /// Runs `render` and gives its JSON.
 fn rendered(folder: &Path, arguments: &[&str]) -> serde_json::Value {
-    let output = Command::new(env!("CARGO_BIN_EXE_bulbfold"))
+    let output = program(folder)
         .args(["render", "--backend", "cpu", "--json", "--calibrate", "off"])
         .args(arguments)
-        .current_dir(folder)
         .env("BULBFOLD_CACHE", folder)
         .output()
         .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{}", stderr(&output));
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
 #[cfg(target_os = "linux")]
 #[test]
 fn memory_does_not_grow_with_the_picture() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     std::fs::write(folder.path().join("ball.ron"), BALL).unwrap();
     let peak = |size: &str, samples: &str| {
         // Each thread has columns of its own.
@@ -401,7 +401,7 @@ fn memory_does_not_grow_with_the_picture() {
 
 #[test]
 fn the_command_tells_samples_and_stages() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let small = ["mandelbulb", "-o", "bulb.png", "--size", "80x60", "--samples", "3"];
     let adaptive = rendered(folder.path(), &small);
     let full = rendered(folder.path(), &[&small[..], &["--sampling", "full"]].concat());
@@ -420,7 +420,7 @@ fn the_command_tells_samples_and_stages() {
 /// Orbits that go on to the limit take half as many iterations again with 40 as with 20, those of proofs up to 60 times as many.
 #[test]
 fn iterations_that_no_pixel_shows_cost_nothing() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let carried =
         [("mandelbulb", "gradient"), ("mandelbulb", "jacobian"), ("mandelbox", "scalar"), ("box_bulb", "combined")];
     // By a derivative that is carried for that alone: the scalar rules', or along the ray for gnarled_box, whose rules
@@ -453,7 +453,7 @@ fn iterations_that_no_pixel_shows_cost_nothing() {
 /// whose occlusion counted all of them was a tenth darker.
 #[test]
 fn proofs_are_as_bright_as_estimates() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let light = |method: &str| {
         let small = ["quick_dudley", "-o", "dudley.png", "--size", "96x72", "--samples", "1", "--de", method];
         rendered(folder.path(), &small);

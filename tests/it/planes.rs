@@ -1,7 +1,5 @@
 //! Pictures of planes: estimates of points with known distances, what pictures show of them, and what commands say.
 
-use std::path::Path;
-use std::process::{Command, Output};
 use std::sync::Arc;
 
 use bulbfold::check::{Backends, Formula, Target};
@@ -13,6 +11,8 @@ use bulbfold::kernel::cpu::Cpu;
 use bulbfold::math::Precision;
 use bulbfold::render::{RenderSettings, Renderer, Stats, compose_pipeline};
 use bulbfold::shade::Size;
+
+use crate::support::{bulbfold, folder, pixels, stderr, stdout};
 
 type P = [f64; 3];
 
@@ -205,25 +205,9 @@ fn precisions_agree() {
     }
 }
 
-fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_bulbfold")).args(arguments).current_dir(folder).output().expect("it starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn pixels(path: &Path) -> Vec<u8> {
-    let file = std::fs::File::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG");
-    let mut bytes = vec![0; reader.output_buffer_size().expect("it fits")];
-    reader.next_frame(&mut bytes).expect("a whole PNG");
-    bytes
-}
-
 #[test]
 fn the_gpu_draws_the_same() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let slice = "plane=(height: 2.6, right: (1, 1, 0), up: (0, 0, 1))";
     for (name, set) in [("mandelbrot", "power=2"), ("burning_ship", "power=2"), ("mandelbulb", slice)] {
         let render = |backend: &str| {
@@ -256,7 +240,7 @@ fn planes_cut_solids() {
     let area = stats.hits as f64 * 1e-4;
     assert!((area - expected).abs() < 0.01, "{area}, not {expected}");
     // What holds along rays gives way to what holds all around.
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     for (asked, taken) in [("directional", "jacobian"), ("certified", "gradient")] {
         let common = ["render", "mandelbulb", "--set", "plane=(height: 2.6)", "--size", "24x16", "--stats"];
         let output = bulbfold(folder.path(), &[&common[..], &["--backend", "cpu", "--de", asked]].concat());
@@ -267,7 +251,7 @@ fn planes_cut_solids() {
 
 #[test]
 fn precision_follows_the_pixels_size() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let render = |height: &str| {
         let set = format!("height={height}");
         let common = ["render", "mandelbrot", "--backend", "cpu", "--size", "24x16", "--samples", "1"];
@@ -283,7 +267,7 @@ fn precision_follows_the_pixels_size() {
 
 #[test]
 fn sweeps_zoom_with_the_kernels_of_the_first_frame() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let common = ["render", "mandelbrot", "--backend", "cpu", "--size", "48x32", "--samples", "1", "--quiet"];
     let place = ["--set", "x=-1.7649", "--set", "max_iterations=200"];
     let sweep = ["--sweep", "height=0.5..0.1", "--frames", "3", "--json", "-o", "f%d.png"];
@@ -298,7 +282,7 @@ fn sweeps_zoom_with_the_kernels_of_the_first_frame() {
 
 #[test]
 fn what_needs_rays_says_so() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     for (arguments, message) in [
         (vec!["truth", "mandelbrot"], "`truth` follows rays"),
         (vec!["audit", "mandelbrot"], "`audit` follows rays"),
@@ -318,7 +302,7 @@ fn what_needs_rays_says_so() {
         );
     }
     let explained = bulbfold(folder.path(), &["explain", "mandelbrot"]);
-    assert!(String::from_utf8_lossy(&explained.stdout).contains("Pictures show the points of a plane"));
+    assert!(stdout(&explained).contains("Pictures show the points of a plane"));
     let list = bulbfold(folder.path(), &["list", "--dimension", "2"]);
-    assert!(String::from_utf8_lossy(&list.stdout).contains("mandelbrot"));
+    assert!(stdout(&list).contains("mandelbrot"));
 }

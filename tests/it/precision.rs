@@ -14,6 +14,8 @@ use bulbfold::precision::{LEAST_ULPS, Resolution, resolution};
 use bulbfold::render::{RenderSettings, Renderer, compose_pipeline};
 use bulbfold::shade::{CameraFrame, Size};
 
+use crate::support::{bulbfold, folder, stderr};
+
 const SIZE: Size = Size { width: 160, height: 90 };
 
 /// A fractal's own camera and a surface point that it sees.
@@ -304,19 +306,11 @@ fn a_view_fits_the_precision_that_tells_its_pixels_apart() {
 }
 
 fn render(arguments: &[&str]) -> (i32, String) {
-    let folder = tempfile::tempdir().expect("a folder can be made");
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    let output = command
-        .current_dir(folder.path())
-        .env("NO_COLOR", "1")
-        .env("BULBFOLD_CACHE", "")
-        .arg("render")
-        .args(arguments)
-        .output();
-    let output = output.expect("the program starts");
+    let folder = folder();
+    let output = bulbfold(folder.path(), [&["render"], arguments].concat());
     let code = output.status.code().expect("it was not killed");
     assert_eq!(folder.path().join("mandelbulb.png").exists(), code == 0);
-    (code, String::from_utf8_lossy(&output.stderr).into_owned())
+    (code, stderr(&output))
 }
 
 #[test]

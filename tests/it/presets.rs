@@ -1,11 +1,13 @@
 //! Presets: read, checked, applied, listed and tested.
 
 use std::path::PathBuf;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use bulbfold::check::{Formula, Options, run_paths};
 use bulbfold::formula::embedded::FRACTALS;
 use bulbfold::formula::library::Library;
+
+use crate::support::{self, folder, folder_with, stderr, stdout};
 
 /// A bulb with two presets.
 const BULB: &str = r#"(
@@ -19,13 +21,11 @@ const BULB: &str = r#"(
 )"#;
 
 fn bulbfold(arguments: &[&str], file: &str) -> Output {
-    let folder = tempfile::tempdir().expect("a folder can be made");
-    std::fs::write(folder.path().join("bulb.ron"), file).expect("the file is written");
-    Command::new(env!("CARGO_BIN_EXE_bulbfold")).args(arguments).current_dir(folder.path()).output().expect("it starts")
+    support::bulbfold(folder_with(&[("bulb.ron", file)]).path(), arguments)
 }
 
 fn changed(text: &str, set: &[(&str, &str)]) -> Result<Formula, String> {
-    let folder = tempfile::tempdir().expect("a folder can be made");
+    let folder = folder();
     let path: PathBuf = folder.path().join("bulb.ron");
     std::fs::write(&path, text).expect("the file is written");
     Formula::with(&path.display().to_string(), set).map_err(|error| error.to_string())
@@ -71,10 +71,10 @@ fn presets_are_checked_with_the_file() {
 fn an_unknown_preset_is_told_with_the_closest_name() {
     let output = bulbfold(&["compile", "bulb.ron", "--emit", "graph", "--preset", "fuor"], BULB);
     assert_eq!(output.status.code(), Some(2));
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    let text = stderr(&output);
     assert!(text.contains("there is no preset `fuor`") && text.contains("did you mean `four`?"), "{text}");
     let output = bulbfold(&["compile", "bulb.ron", "--emit", "graph", "--preset", "x\"y"], BULB);
-    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    let text = stderr(&output);
     assert!(output.status.code() == Some(2) && text.contains("the presets are: four, grey"), "{text}");
     let output = bulbfold(&["compile", "menger", "--emit", "graph", "--preset", "four"], BULB);
     assert_eq!(output.status.code(), Some(2));
@@ -83,13 +83,13 @@ fn an_unknown_preset_is_told_with_the_closest_name() {
 #[test]
 fn presets_are_taken_by_commands() {
     let output = bulbfold(&["compile", "bulb.ron", "--emit", "graph", "--preset", "four"], BULB);
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let text = stdout(&output);
     assert!(text.contains("param power = 4 "), "{text}");
     let output = bulbfold(&["explain", "bulb.ron"], BULB);
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let text = stdout(&output);
     assert!(text.contains("power: 4, max_iterations: 5, camera") && text.contains("Power 4"), "{text}");
     let output = bulbfold(&["test", "bulb.ron", "--no-gpu"], BULB);
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let text = stdout(&output);
     assert!(text.contains("preset four") && text.contains("preset grey"), "{text}");
 }
 
@@ -98,7 +98,7 @@ fn scripts_have_presets_too() {
     let script = "let power = param(\"power\", 8.0, #{ min: 2.0, max: 16.0 });\n\
                   #{ nodes: #{ bulb: bulb_power(#{ power: power }) }, output: \"bulb\",\n\
                   presets: #{ four: #{ set: #{ power: 4.0 } } } }\n";
-    let folder = tempfile::tempdir().expect("a folder can be made");
+    let folder = folder();
     let path = folder.path().join("bulb.rhai");
     std::fs::write(&path, script).expect("the file is written");
     let four = Formula::with(&path.display().to_string(), &[("preset", "four")]).unwrap_or_else(|e| panic!("{e}"));
@@ -125,7 +125,7 @@ fn presets_of_the_built_in_fractals_load_and_compose() {
 /// The runner names a preset that does not load: a step whose script fails for its values.
 #[test]
 fn the_test_runner_composes_presets() {
-    let folder = tempfile::tempdir().expect("a folder can be made");
+    let folder = folder();
     let step = "fn step(z, c, p) { if p.mode == 2.0 { throw \"not two\" } z * p.mode }\n\
                 #{ group: \"scale\", summary: \"Scales.\", source: \"none\", params: [\
                 #{ name: \"mode\", type: \"float\", \"default\": 1.5, min: 0.0, max: 3.0, help: \"Factor\" }],\n\

@@ -1,15 +1,10 @@
 //! Rows of Mandelbulber's formulas against states of orbits that were computed outside of this program, from that program's
 //! definitions: defaults, and settings drawn at random with most switches and ranges of iterations.
 
-use std::path::Path;
-use std::process::{Command, Output};
+
+use crate::support::{bulbfold, folder, stderr, stdout};
 
 const CASES: &str = include_str!("rows/orbits.txt");
-
-fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
-    let program = env!("CARGO_BIN_EXE_bulbfold");
-    Command::new(program).args(arguments).current_dir(folder).output().expect("the program was built")
-}
 
 fn numbers(text: &str) -> Vec<f64> {
     text.split_whitespace().map(|word| word.parse().expect("a number")).collect()
@@ -38,7 +33,7 @@ fn graph(text: &str) -> String {
 
 #[test]
 fn orbits_are_those_of_the_program() {
-    let folder = tempfile::tempdir().expect("a folder can be made");
+    let folder = folder();
     let path = folder.path();
     let mut wrong = Vec::new();
     for case in CASES.lines().filter(|line| !line.starts_with('#')) {
@@ -53,14 +48,14 @@ fn orbits_are_those_of_the_program() {
         );
         std::fs::write(path.join("case.fract"), file).expect("a file can be written");
         let imported = bulbfold(path, &["import", "case.fract", "-o", "case.ron", "--force"]);
-        assert!(imported.status.success(), "{case}\n{}", String::from_utf8_lossy(&imported.stderr));
+        assert!(imported.status.success(), "{case}\n{}", stderr(&imported));
         let text = std::fs::read_to_string(path.join("case.ron")).expect("the file was written");
         std::fs::write(path.join("case.ron"), graph(&text)).expect("a file can be written");
         let start: Vec<String> = numbers(start).iter().map(f64::to_string).collect();
         let point = format!("--point={}", start.join(","));
         let probed = bulbfold(path, &["probe", "case.ron", &point, "--json"]);
-        assert!(probed.status.success(), "{case}\n{}", String::from_utf8_lossy(&probed.stderr));
-        let output = String::from_utf8_lossy(&probed.stdout);
+        assert!(probed.status.success(), "{case}\n{}", stderr(&probed));
+        let output = stdout(&probed);
         let json: serde_json::Value = serde_json::from_str(output.trim()).expect("one object");
         let z: Vec<f64> = json["z"].as_array().expect("a state").iter().filter_map(serde_json::Value::as_f64).collect();
         let expect = numbers(expect);

@@ -1,7 +1,7 @@
 //! Scripts: functions of shading languages, messages in the user's words, and values of the command line by path.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use bulbfold::check::{Formula, Options, run_paths};
 use bulbfold::diag::Diagnostics;
@@ -9,12 +9,7 @@ use bulbfold::expr::{Arena, Expr};
 use bulbfold::formula::library::Library;
 use bulbfold::load::{load, load_text};
 
-/// Runs the program in a folder.
-fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.current_dir(folder).env("NODEVICE_SELECT", "1").env("BULBFOLD_CACHE", "");
-    command.args(arguments).output().expect("the program starts")
-}
+use crate::support::{bulbfold, folder, stderr};
 
 /// A step whose image is these three numbers at z = (0.3, -0.4, 0.5).
 fn step(calls: &[(&str, f64)]) -> String {
@@ -66,7 +61,7 @@ fn names_of_shading_languages() {
         ("z.xxyy.w", -0.4),
         ("reflect(z, vec3(0.0, 0.0, 1.0)).z", -0.5),
     ];
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     for (i, three) in calls.chunks(3).enumerate() {
         std::fs::write(folder.path().join(format!("calls_{i}.rhai")), step(three)).expect("a file");
     }
@@ -79,7 +74,7 @@ fn names_of_shading_languages() {
 
 #[test]
 fn swizzles_can_be_set() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     let text = step(&[("0.0", 0.5), ("0.0", -0.4), ("0.0", 0.3)]);
     let text = text.replace("    vec3(0.0, 0.0, 0.0)\n", "    z.xz = z.zx;\n    z\n");
     std::fs::write(folder.path().join("swap.rhai"), text).expect("a file");
@@ -124,7 +119,7 @@ fn rounding_is_to_the_nearest_even_number() {
 
 /// What is said about a formula beside the step `mine`.
 fn message(name: &str, text: &str, step: &str) -> String {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     if !step.is_empty() {
         std::fs::write(folder.path().join("mine.rhai"), step).expect("a file");
     }
@@ -241,7 +236,7 @@ fn a_step_of_ones_own_need_not_say_where_it_comes_from() {
 /// Built-in steps are not looked through when they are read, but have no unknown names.
 #[test]
 fn built_in_steps_name_what_there_is() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     for entry in
         std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("formulas/steps")).expect("the steps").flatten()
     {
@@ -307,7 +302,7 @@ fn the_estimate_is_set_in_a_calibrated_file() {
 
 #[test]
 fn a_camera_is_set_where_the_file_has_none() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     std::fs::write(folder.path().join("a.ron"), "(nodes: { \"a\": bulb_power() }, max_iterations: 6)").expect("a file");
     let render = |name: &str, more: &[&str]| {
         let small = [
@@ -326,7 +321,7 @@ fn a_camera_is_set_where_the_file_has_none() {
             name,
         ];
         let output = bulbfold(folder.path(), &[&small[..], more].concat());
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success(), "{}", stderr(&output));
         std::fs::read(folder.path().join(name)).expect("a picture")
     };
     let set = render("set.png", &["--set", "camera.fov=60", "--set", "camera.target=(0, 0, 0.2)"]);
@@ -336,7 +331,7 @@ fn a_camera_is_set_where_the_file_has_none() {
 
 #[test]
 fn sweeps_take_lists_paths_and_whole_numbers() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     let script =
         "let seed = param(\"seed\", 1);\n#{ nodes: #{ a: bulb_power(#{ power: 2 + seed % 3 }) }, max_iterations: 4 }\n";
     std::fs::write(folder.path().join("a.rhai"), script).expect("a file");
@@ -349,7 +344,7 @@ fn sweeps_take_lists_paths_and_whole_numbers() {
         let names = std::fs::read_dir(folder.path()).expect("the folder").flatten().map(|e| e.file_name());
         names.filter(|name| name.to_string_lossy().starts_with(prefix)).count()
     };
-    let fine = |output: Output| assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let fine = |output: Output| assert!(output.status.success(), "{}", stderr(&output));
     fine(sweep(&["--sweep", "seed=1..20", "--frames", "20", "-o", "w%02d.png"]));
     assert_eq!(files("w"), 20);
     fine(sweep(&["--sweep", "seed=3,7,18", "--sweep", "look.fog=0..0.4", "-o", "l%d.png"]));
@@ -360,7 +355,7 @@ fn sweeps_take_lists_paths_and_whole_numbers() {
         (&["--sweep", "seed=1..2", "--frames", "3"][..], "`seed` must be a whole number, but is 1.5"),
     ] {
         let output = sweep(&[arguments, &["-o", "x%d.png"]].concat());
-        let text = String::from_utf8_lossy(&output.stderr);
+        let text = stderr(&output);
         assert!(output.status.code() == Some(2) && text.contains(expected), "{text}");
     }
     assert_eq!(files("x"), 0);
@@ -377,7 +372,7 @@ fn built_in_scripts_still_run() {
 /// What shows only while a step is traced is told of every step of a formula, not of the first alone.
 #[test]
 fn mistakes_of_all_steps_are_told() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     let step = |body: &str| format!("fn step(z, c, p) {{\n    {body}\n}}\n#{{}}\n");
     std::fs::write(folder.path().join("first.rhai"), step("z + vec4(z, 1.0)")).expect("a file");
     std::fs::write(folder.path().join("second.rhai"), step("if z.x > 0.0 { z } else { -z }")).expect("a file");

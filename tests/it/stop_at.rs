@@ -6,13 +6,11 @@ use bulbfold::graph::StopAt;
 use bulbfold::kernel::{Estimator, Kernel};
 use bulbfold::march::MarchSettings;
 
+use crate::support::formula;
+
 const PIXEL_RADIUS: f64 = 1e-3;
 /// The same where rays have a long way to walk.
 const COARSE: f64 = 1e-2;
-
-fn formula(text: &str) -> Formula {
-    Formula::from_ron(text).unwrap_or_else(|error| panic!("{text}: {error}"))
-}
 
 /// Where a ray of the formula's plan stops, on all back ends.
 fn depths(formula: &Formula, pixel_radius: f64, origin: [f64; 3], direction: [f64; 3]) -> Vec<Option<f64>> {

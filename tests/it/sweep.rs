@@ -1,13 +1,8 @@
 //! Sweeps from the command line: frames are the pictures that single renders make, and share their kernels.
 
 use std::path::Path;
-use std::process::{Command, Output};
 
-/// Runs the program in a folder.
-fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.current_dir(folder).env("NODEVICE_SELECT", "1").args(arguments).output().expect("the program starts")
-}
+use crate::support::{bulbfold, folder, pixels, program, stderr};
 
 /// Arguments of small pictures; estimates go by rules, so that no measurement decides.
 const SMALL: [&str; 8] = ["render", "mandelbulb", "--size", "48x36", "--samples", "1", "--calibrate", "off"];
@@ -15,16 +10,8 @@ const SMALL: [&str; 8] = ["render", "mandelbulb", "--size", "48x36", "--samples"
 fn render(folder: &Path, backend: &str, more: &[&str]) -> serde_json::Value {
     let arguments = [&SMALL, &["--backend", backend, "--json", "--quiet"][..], more].concat();
     let output = bulbfold(folder, &arguments);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{}", stderr(&output));
     serde_json::from_slice(&output.stdout).expect("JSON on stdout")
-}
-
-fn pixels(path: &Path) -> Vec<u8> {
-    let file = std::fs::File::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG");
-    let mut bytes = vec![0; reader.output_buffer_size().expect("it fits")];
-    reader.next_frame(&mut bytes).expect("a whole PNG");
-    bytes
 }
 
 /// Share of bytes that are more than two steps apart.
@@ -36,7 +23,7 @@ fn difference(a: &Path, b: &Path) -> f64 {
 fn has_gpu(folder: &Path) -> bool {
     let tried = bulbfold(folder, &[&SMALL, &["--backend", "gpu", "-o", "tried.png"][..]].concat());
     let required = std::env::var("BULBFOLD_REQUIRE_GPU").is_ok_and(|v| v == "1");
-    assert!(tried.status.success() || !required, "{}", String::from_utf8_lossy(&tried.stderr));
+    assert!(tried.status.success() || !required, "{}", stderr(&tried));
     tried.status.success()
 }
 
@@ -58,13 +45,13 @@ fn frames_share_kernels_and_are_right(folder: &Path, backend: &str, most_differe
 
 #[test]
 fn frames_on_the_cpu() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     frames_share_kernels_and_are_right(folder.path(), "cpu", 0.0);
 }
 
 #[test]
 fn frames_on_the_gpu() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     if has_gpu(folder.path()) {
         // Drivers may fold constants and round their products together.
         frames_share_kernels_and_are_right(folder.path(), "gpu", 0.02);
@@ -73,7 +60,7 @@ fn frames_on_the_gpu() {
 
 #[test]
 fn a_parameter_that_changes_the_structure_brings_kernels_of_its_own() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     let report = render(folder.path(), "cpu", &["--sweep", "power=4..6", "--frames", "5", "-o", "f%d.png"]);
     // Whole powers are products of 4, 5 and 6 factors; 4.5 and 5.5 go through angles.
     assert_eq!(report["structures"]["march"], 4, "{report}");
@@ -87,22 +74,22 @@ fn a_parameter_that_changes_the_structure_brings_kernels_of_its_own() {
 /// First, middle and last speak for the others; each view that is measured leaves a file in the cache.
 #[test]
 fn three_frames_are_measured_however_many_there_are() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     // Nothing but the step multiplier is left to choose, so the three agree.
     let one =
         ["--de", "scalar", "--form", "logarithmic", "--size", "24x18", "--samples", "1", "--backend", "cpu", "--quiet"];
     let sweep = ["--sweep", "turn=5..60", "--frames", "9", "-o", "f%d.png"];
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.current_dir(folder.path()).env("BULBFOLD_CACHE", folder.path().join("cache"));
+    let mut command = program(folder.path());
+    command.env("BULBFOLD_CACHE", folder.path().join("cache"));
     let output = command.args(["render", "mandelbulb"]).args(one).args(sweep).output().expect("the program starts");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{}", stderr(&output));
     assert!(folder.path().join("f9.png").exists());
     assert_eq!(std::fs::read_dir(folder.path().join("cache")).expect("something was measured").count(), 3);
 }
 
 #[test]
 fn resume_keeps_frames_and_renders_the_others() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     let sweep = ["--sweep", "turn=0..90", "--frames", "4", "-o", "f%d.png"];
     assert_eq!(render(folder.path(), "cpu", &sweep)["frames"], 4);
     let second = folder.path().join("f2.png");
@@ -120,7 +107,7 @@ fn resume_keeps_frames_and_renders_the_others() {
 
 #[test]
 fn wrong_sweeps_say_what_to_do() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder();
     let cases: [(&[&str], &str); 6] = [
         (&["--sweep", "power=2..12"], "--frames"),
         (&["--sweep", "power=2", "--frames", "3"], "NAME=FROM..TO"),
@@ -131,7 +118,7 @@ fn wrong_sweeps_say_what_to_do() {
     ];
     for (arguments, expected) in cases {
         let output = bulbfold(folder.path(), &[&SMALL, arguments].concat());
-        let told = String::from_utf8_lossy(&output.stderr);
+        let told = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {told}");
         assert!(told.contains(expected), "{arguments:?}: {told}");
         assert!(!folder.path().join("mandelbulb_0001.png").exists(), "{arguments:?}: something was rendered");

@@ -1,5 +1,7 @@
 //! Brute force is right where the answer is known, and says which marches are not.
 
+use std::path::Path;
+
 use bulbfold::check::exact::{Limit, ball_depth, polytope_depth};
 use bulbfold::check::truth::{Budget, Members, Ray, Scale, Truth, Truths, candidate, march_rays, point, view_rays};
 use bulbfold::check::{Formula, Random};
@@ -8,6 +10,8 @@ use bulbfold::kernel::cpu::Cpu;
 use bulbfold::march::MarchSettings;
 use bulbfold::math::Precision;
 use bulbfold::shade::{Size, frame_automatically};
+
+use crate::support::{bulbfold, folder, stderr, stdout};
 
 const SIZE: Size = Size { width: 160, height: 120 };
 
@@ -321,23 +325,21 @@ fn finding_can_be_stopped() {
     assert_eq!(whole.depths[..found.depths.len()], found.depths[..]);
 }
 
-fn bulbfold(arguments: &[&str]) -> std::process::Output {
-    std::process::Command::new(env!("CARGO_BIN_EXE_bulbfold")).args(arguments).output().expect("it starts")
-}
-
 #[test]
 fn the_command_prints_a_table_and_json_lines() {
-    let output =
-        bulbfold(&["truth", "menger", "--rays", "60", "--size", "160x120", "--de", "scalar", "--fudge", "0.9"]);
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let output = bulbfold(
+        Path::new("."),
+        &["truth", "menger", "--rays", "60", "--size", "160x120", "--de", "scalar", "--fudge", "0.9"],
+    );
+    let text = stdout(&output);
     assert!(output.status.success(), "{text}");
     for word in
         ["truth of 60 rays", "rays meet the Menger sponge", "march by scalar linear, fudge 0.9", "missed", "early"]
     {
         assert!(text.contains(word), "{word}\n{text}");
     }
-    let output = bulbfold(&["truth", "menger", "--rays", "60", "--size", "160x120", "--json"]);
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let output = bulbfold(Path::new("."), &["truth", "menger", "--rays", "60", "--size", "160x120", "--json"]);
+    let text = stdout(&output);
     let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
     assert_eq!(lines.len(), 61);
     let hits = lines.iter().filter(|line| line["truth"] == "hit").count();
@@ -348,8 +350,9 @@ fn the_command_prints_a_table_and_json_lines() {
 #[test]
 fn proofs_tell_what_they_did_not_decide() {
     let run = |de: &str, more: &[&str]| {
-        let output = bulbfold(&[&["truth", "chebyshev_turned", "--rays", "60", "--de", de], more].concat());
-        String::from_utf8_lossy(&output.stdout).into_owned()
+        let output =
+            bulbfold(Path::new("."), [&["truth", "chebyshev_turned", "--rays", "60", "--de", de], more].concat());
+        stdout(&output)
     };
     let summary = |de: &str| -> serde_json::Value {
         let text = run(de, &["--json"]);
@@ -367,38 +370,39 @@ fn proofs_tell_what_they_did_not_decide() {
 fn one_formula_fails_where_it_breaks_the_budget() {
     let run = |more: &[&str]| {
         bulbfold(
-            &[&["truth", "menger", "--rays", "60", "--size", "160x120", "--de", "scalar", "--fudge", "1"], more]
+            Path::new("."),
+            [&["truth", "menger", "--rays", "60", "--size", "160x120", "--de", "scalar", "--fudge", "1"], more]
                 .concat(),
         )
     };
     for more in [&["--error-budget", "0.5%,5%,0.000001"][..], &["--error-budget", "0.5%,5%,0.000001", "--json"]] {
         let output = run(more);
         assert_eq!(output.status.code(), Some(1));
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let said = stderr(&output);
         assert!(said.contains("menger: a median depth error") && said.contains("bulbfold calibrate"), "{said}");
         assert!(!output.stdout.is_empty(), "what was measured is told all the same");
     }
     // A view of nothing.
     let output = run(&["--set", "camera=(position: (9, 9, 9), target: (10, 10, 10))"]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("no ray of the view hits anything"));
+    assert!(stderr(&output).contains("no ray of the view hits anything"));
 }
 
 #[test]
 fn the_command_takes_rays_from_a_file() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let path = folder.path().join("rays.csv");
     // Onto the rim of a face, and through the hole in its middle.
     std::fs::write(&path, "ox,oy,oz,dx,dy,dz\n0.99,-3,0.93,0,2,0\n0,-3,0,0,1,0\n").unwrap();
-    let output = bulbfold(&["truth", "menger", "--rays-file", &path.display().to_string(), "--json"]);
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let output = bulbfold(Path::new("."), &["truth", "menger", "--rays-file", &path.display().to_string(), "--json"]);
+    let text = stdout(&output);
     let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
     assert!(lines[0]["t"].as_f64().is_some_and(|t| (t - 2.0).abs() < 0.01), "{text}");
     assert_eq!(lines[1]["truth"], "miss");
     std::fs::write(&path, "0,0,0,0,0,0\n").unwrap();
-    let output = bulbfold(&["truth", "menger", "--rays-file", &path.display().to_string()]);
+    let output = bulbfold(Path::new("."), &["truth", "menger", "--rays-file", &path.display().to_string()]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("ray 1 has a direction of length 0"));
+    assert!(stderr(&output).contains("ray 1 has a direction of length 0"));
 }
 
 /// Beyond what a pixel resolves more iterations leave the truth where it is. Members of what 200 iterations leave are dust, and no

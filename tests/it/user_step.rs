@@ -6,6 +6,8 @@ use bulbfold::check::{Backends, Formula, Options, Target, run_paths};
 use bulbfold::formula::library::Library;
 use bulbfold::graph::Method;
 
+use crate::support::folder_with;
+
 /// The "box bulb" of nobody: a squaring of x + iy with z folded at a height. Not among the built-in steps.
 const STEP: &str = r#"
 // Squares x + i y and mirrors z down at a height.
@@ -41,10 +43,7 @@ const GRAPH: &str = r#"(
 )"#;
 
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("plane_square.rhai"), STEP).unwrap();
-    std::fs::write(folder.path().join("mine.ron"), GRAPH).unwrap();
-    folder
+    folder_with(&[("plane_square.rhai", STEP), ("mine.ron", GRAPH)])
 }
 
 fn open(folder: &Path) -> Formula {

@@ -12,6 +12,8 @@ use bulbfold::render::{RenderSettings, Renderer, compose_pipeline};
 use bulbfold::shade::Size;
 use bulbfold::view::{Axis, Pixel, Shown, View, ViewKernels, diverging, find_truths, show, viridis};
 
+use crate::support::{self, folder, stderr};
+
 const SIZE: Size = Size { width: 48, height: 36 };
 
 /// From 5 below, straight up.
@@ -266,21 +268,14 @@ fn the_legend_stands_below_and_the_picture_keeps_its_pixels() {
 }
 
 fn bulbfold(folder: &std::path::Path, arguments: &[&str]) -> (i32, String) {
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    let output = command
-        .current_dir(folder)
-        .env("NO_COLOR", "1")
-        .env("BULBFOLD_CACHE", "")
-        .args(arguments)
-        .output()
-        .expect("it starts");
+    let output = support::bulbfold(folder, arguments);
     assert!(output.stdout.is_empty());
-    (output.status.code().expect("it was not killed"), String::from_utf8_lossy(&output.stderr).into_owned())
+    (output.status.code().expect("it was not killed"), stderr(&output))
 }
 
 #[test]
 fn every_view_is_a_value_of_the_flag() {
-    let folder = tempfile::tempdir().expect("a folder can be made");
+    let folder = folder();
     for view in View::ALL {
         let name = format!("{}.png", view.name());
         let arguments = ["render", "box_bulb", "--view", view.name(), "--size", "64x36", "--stats", "-o", &name];

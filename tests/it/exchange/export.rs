@@ -6,7 +6,7 @@ use std::process::Command;
 use bulbfold::check::Formula;
 use bulbfold::graph::Method;
 
-use super::{bulbfold, stderr};
+use crate::support::{bulbfold, folder, stderr, stdout};
 
 /// A compiler that may not be installed: with BULBFOLD_REQUIRE_COMPILERS it must be.
 fn compiler(name: &str) -> bool {
@@ -21,7 +21,7 @@ fn compiler(name: &str) -> bool {
 
 fn accepts(name: &str, arguments: &[&str], folder: &Path) {
     let output = Command::new(name).args(arguments).current_dir(folder).output().unwrap();
-    let said = format!("{}{}", String::from_utf8_lossy(&output.stdout), stderr(&output));
+    let said = format!("{}{}", stdout(&output), stderr(&output));
     assert!(output.status.success(), "{name} {arguments:?}: {said}");
 }
 
@@ -37,7 +37,7 @@ const FRACTALS: &[&str] =
 
 #[test]
 fn exported_shaders_compile() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let folder = folder.path();
     let (glslang, spirv_val) = (compiler("glslangValidator"), compiler("spirv-val"));
     for fractal in FRACTALS {
@@ -86,7 +86,7 @@ fn exported_shaders_compile() {
 
 #[test]
 fn estimates_that_need_rays_are_refused() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     for method in ["directional", "certified"] {
         let output = bulbfold(folder.path(), &["export", "mandelbulb", "--to", "wgsl", "--de", method]);
         assert_eq!(output.status.code(), Some(2));
@@ -103,7 +103,7 @@ const ESSL: &str = "#version 300 es\nprecision highp float;\nprecision highp int
 /// The values of a GLSL function `name` at points, by the GLSL compiler and the renderer behind this machine's EGL: a row of
 /// pixels whose red, green and blue are the first 24 bits of each value. Nothing where they are not there and need not be.
 fn run_glsl(functions: &str, name: &str, points: &[[f64; 3]]) -> Option<Vec<f64>> {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/glsl/run.c");
     let mut cc = Command::new("cc");
     cc.current_dir(&folder).args(["-O1", "-o", "run"]).arg(source).args(["-lEGL", "-lGLESv2"]);
@@ -142,7 +142,7 @@ fn run_glsl(functions: &str, name: &str, points: &[[f64; 3]]) -> Option<Vec<f64>
 /// What GLSL shaders compute is what the library does, at points all over the bounding ball.
 #[test]
 fn exported_glsl_computes_our_own_distances() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     for (fractal, method) in [
         ("mandelbulb", "scalar"),
         ("mandelbulb", "gradient"),
@@ -165,7 +165,7 @@ fn exported_glsl_computes_our_own_distances() {
             let arguments = ["export", fractal, "--to", target, "--de", method, "--fudge", "1"];
             let output = bulbfold(folder.path(), &arguments);
             assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-            let text = String::from_utf8(output.stdout).unwrap();
+            let text = stdout(&output);
             let (functions, name) = match target {
                 "glsl" => (text, "distance_estimate"),
                 _ => (without_fragmentarium(&text), "DE"),

@@ -3,12 +3,12 @@
 use bulbfold::check::Formula;
 use bulbfold::graph::Method;
 
-use super::{bulbfold, stderr};
+use crate::support::{bulbfold, folder, stderr, stdout};
 
 /// The function that a file exports gives the library's own estimates: it is run as WGSL on the GPU back end.
 #[test]
 fn exported_distances_are_our_own() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     for (fractal, method) in [("mandelbulb", Method::Scalar), ("mandelbox", Method::Scalar), ("menger", Method::Scalar)]
     {
         let output =
@@ -18,7 +18,7 @@ fn exported_distances_are_our_own() {
         let radius = formula.graph().bounding_radius.unwrap_or(1.2);
         let points: Vec<[f64; 3]> =
             (0..60).map(|i| [7, 11, 17].map(|k| (f64::from((i * k) % 61) / 30.5 - 1.0) * 0.6 * radius)).collect();
-        let Some(found) = gpu::run(&String::from_utf8(output.stdout).unwrap(), &points) else { return };
+        let Some(found) = gpu::run(&stdout(&output), &points) else { return };
         for (p, found) in points.iter().zip(found) {
             let expected = if formula.inside(*p) { 0.0 } else { formula.estimate(*p, method) };
             assert!(

@@ -2,7 +2,9 @@
 
 use bulbfold::check::Formula;
 
-use super::{import, imported, stderr};
+use super::{import, imported};
+
+use crate::support::stderr;
 
 const SHADER: &str = "\
 #info A box

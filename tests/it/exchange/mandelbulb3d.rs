@@ -1,6 +1,8 @@
 //! Parameters of Mandelbulb3D, as records that are made here from the published places of their fields.
 
-use super::{bulbfold, import, imported, stderr};
+use super::{import, imported};
+
+use crate::support::{bulbfold, folder, stderr};
 
 /// A formula of a hybrid: its number, iterations and options.
 type Slot = (i32, i32, &'static [f64]);
@@ -119,7 +121,7 @@ fn julia_constants_and_places_to_repeat_from_are_read() {
 /// The same record as the program's binary file.
 #[test]
 fn binary_files_are_read() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     std::fs::write(folder.path().join("a.m3p"), record(&[BULB], &[])).unwrap();
     let output = bulbfold(folder.path(), &["import", "a.m3p"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));

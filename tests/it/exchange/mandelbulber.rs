@@ -1,6 +1,8 @@
 //! Settings of Mandelbulber: formulas, hybrids, objects and what is listed as lost.
 
-use super::{bulbfold, import, imported, stderr};
+use super::{import, imported};
+
+use crate::support::{bulbfold, stderr};
 
 /// Settings of version 2.20 with sections for slots.
 pub fn settings(main: &str, slots: &[&str]) -> String {

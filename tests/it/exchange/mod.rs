@@ -10,24 +10,15 @@ mod mandelbulber_maps;
 mod refusals;
 mod versions;
 
-use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 
 use bulbfold::check::Formula;
 
-pub fn bulbfold(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.args(arguments).current_dir(folder).env("NO_COLOR", "1").env("BULBFOLD_CACHE", "").stdin(Stdio::null());
-    command.output().expect("the program starts")
-}
-
-pub fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
+use crate::support::{bulbfold, folder, stderr};
 
 /// Imports a text under a name; returns the folder, the run and the name of the graph file.
 pub fn import(name: &str, text: &str, arguments: &[&str]) -> (tempfile::TempDir, Output) {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     std::fs::write(folder.path().join(name), text).unwrap();
     let mut all = vec!["import", name, "-o", "out.ron"];
     all.extend(arguments);

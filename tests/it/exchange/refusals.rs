@@ -1,7 +1,9 @@
 //! What is refused, and with which words.
 
+use super::import;
 use super::mandelbulber::settings;
-use super::{bulbfold, import, stderr};
+
+use crate::support::{bulbfold, folder, stderr};
 
 #[test]
 fn broken_files_are_told_with_their_place() {
@@ -49,7 +51,7 @@ fn values_that_steps_do_not_take_write_nothing() {
 
 #[test]
 fn nothing_is_overwritten_unless_forced() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     std::fs::write(folder.path().join("a.fract"), settings("formula_1 8;", &[""])).unwrap();
     let run = |arguments: &[&str]| bulbfold(folder.path(), arguments).status.code();
     assert_eq!(run(&["import", "a.fract"]), Some(0));

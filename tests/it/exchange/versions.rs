@@ -1,7 +1,9 @@
 //! Settings of Mandelbulber are read by the version that they state.
 
 use super::mandelbulber::settings;
-use super::{import, imported, stderr};
+use super::{import, imported};
+
+use crate::support::{folder, stderr};
 
 /// A file of `tests/exchange/cases`.
 macro_rules! case {
@@ -158,7 +160,7 @@ fn unusual_files_are_read() {
         &["mandelbox_scale 2.5;", "%!", "IFS_scale"],
     );
     let scale = |bytes: &[u8]| {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = folder();
         std::fs::write(folder.path().join("a.fract"), bytes).unwrap();
         let output = super::bulbfold(folder.path(), &["import", "a.fract"]);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));

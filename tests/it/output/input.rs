@@ -4,7 +4,9 @@ use std::io::Write;
 use std::os::unix::fs::{chown, symlink};
 use std::path::Path;
 
-use super::{SMALL, bulbfold, make_pipe, program, render, stderr};
+use super::{SMALL, make_pipe, render};
+
+use crate::support::{bulbfold, folder_with, program, stderr};
 
 const FORMULA: &str = "(nodes: { \"a\": bulb_power() })\n";
 /// One that uses a step beside it.
@@ -14,9 +16,7 @@ const PROBE: [&str; 6] = ["probe", "a.ron", "--point", "0,0,1", "--backend", "cp
 
 /// A fresh folder with a formula.
 fn folder() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("a.ron"), FORMULA).unwrap();
-    folder
+    folder_with(&[("a.ron", FORMULA)])
 }
 
 /// A file of 2 GB that takes no room.
@@ -113,7 +113,7 @@ fn a_cache_of_special_files_is_no_cache() {
 /// Steps in a folder of another user; root alone can make such a folder, and reads it as warily as others.
 #[test]
 fn steps_of_other_users_need_trust() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     assert!(bulbfold(folder.path(), ["new", "other_fold", "--step"]).status.success());
     std::fs::write(folder.path().join("a.ron"), FOLDED).unwrap();
     let with = |arguments: &[&str]| {

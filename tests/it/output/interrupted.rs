@@ -5,7 +5,9 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use super::{bulbfold, names, png_size, program, stderr};
+use super::{names, png_size};
+
+use crate::support::{bulbfold, folder, program, stderr};
 
 /// A formula whose calibration is quick.
 const FORMULA: &str = "(nodes: { \"a\": bulb_power(power: 5) }, escape_radius: 4.0, max_iterations: 4)\n";
@@ -13,7 +15,7 @@ const FORMULA: &str = "(nodes: { \"a\": bulb_power(power: 5) }, escape_radius: 4
 /// Runs a command to its end, then ends it at moments of that time, by SIGKILL and by SIGTERM in turn.
 fn interrupt(arguments: &[&str], is_whole: impl Fn(&Path, &str) -> bool) {
     let count = std::env::var("BULBFOLD_INTERRUPTS").ok().and_then(|n| n.parse().ok()).unwrap_or(6_u32);
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let prepare = || std::fs::write(folder.path().join("a.ron"), FORMULA).unwrap();
     prepare();
     let start = Instant::now();

@@ -11,30 +11,16 @@ mod target;
 
 use std::ffi::OsStr;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
+
+use crate::support::program;
 
 /// Arguments of a small picture of a built-in fractal.
 const SMALL: [&str; 8] = ["--size", "32x18", "--samples", "1", "--calibrate", "off", "--backend", "cpu"];
 
-/// The program in a folder, with no cache and no input.
-fn program(folder: &Path) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.current_dir(folder).env("NO_COLOR", "1").env("BULBFOLD_CACHE", "").env("NODEVICE_SELECT", "1");
-    command.stdin(Stdio::null());
-    command
-}
-
-fn bulbfold(folder: &Path, arguments: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Output {
-    program(folder).args(arguments).output().expect("the program starts")
-}
-
 /// Renders a small picture of a formula into a file.
 fn render(folder: &Path, formula: impl AsRef<OsStr>, output: impl AsRef<OsStr>) -> Output {
     program(folder).arg("render").arg(formula).args(SMALL).args(["-q", "-o"]).arg(output).output().expect("it starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// Everything in a folder, sorted.

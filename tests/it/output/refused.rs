@@ -5,7 +5,9 @@ use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::Output;
 
-use super::{SMALL, bulbfold, program, stderr};
+use super::SMALL;
+
+use crate::support::{bulbfold, folder, program, stderr};
 
 /// Runs the program with a filter that refuses to make memory executable.
 fn refused(folder: &Path, arguments: &[&str]) -> Output {
@@ -38,7 +40,7 @@ fn refused(folder: &Path, arguments: &[&str]) -> Output {
 
 #[test]
 fn who_interprets_says_so() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let picture = |name| [&["render", "mandelbulb", "--stats", "-o", name][..], &SMALL].concat();
     let free = bulbfold(folder.path(), picture("free.png"));
     if !stderr(&free).contains("machine code for") {

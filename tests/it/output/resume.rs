@@ -1,6 +1,8 @@
 //! `--resume` keeps whole frames of the same size and settings, and no others.
 
-use super::{bulbfold, names, png_size, stderr};
+use super::{names, png_size};
+
+use crate::support::{bulbfold, folder, stderr};
 
 const SWEEP: [&str; 13] = [
     "render",
@@ -27,7 +29,7 @@ fn resume(folder: &std::path::Path, size: &str, range: &str) -> String {
 
 #[test]
 fn broken_frames_are_named_and_made_again() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
     let said = resume(folder.path(), "48x32", "power=4..8");
@@ -57,7 +59,7 @@ fn broken_frames_are_named_and_made_again() {
 
 #[test]
 fn frames_of_another_size_or_other_settings_are_made_again() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     resume(folder.path(), "48x32", "power=4..8");
     let said = resume(folder.path(), "32x20", "power=4..8");

@@ -4,7 +4,9 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use super::{names, program, render};
+use super::{names, render};
+
+use crate::support::{folder, program, stderr};
 
 /// A picture that takes much longer than it takes to end it.
 const LARGE: [&str; 13] = [
@@ -42,7 +44,7 @@ fn interrupt(folder: &Path, signal: &str) {
 #[test]
 fn signals_leave_the_old_picture_alone() {
     for signal in ["-INT", "-TERM", "-HUP", "-QUIT"] {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = folder();
         interrupt(folder.path(), signal);
         assert_eq!(names(folder.path()), ["big.png"], "{signal}");
         assert_eq!(std::fs::read(folder.path().join("big.png")).unwrap(), b"old");
@@ -51,7 +53,7 @@ fn signals_leave_the_old_picture_alone() {
 
 #[test]
 fn the_next_run_sweeps_what_a_killed_one_left() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     interrupt(folder.path(), "-KILL");
     assert_eq!(names(folder.path()).len(), 2);
     assert_eq!(std::fs::read(folder.path().join("big.png")).unwrap(), b"old");
@@ -61,15 +63,15 @@ fn the_next_run_sweeps_what_a_killed_one_left() {
 
 #[test]
 fn files_that_grow_too_large_are_an_error() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     std::fs::write(folder.path().join("a.png"), "old").unwrap();
     let script = "ulimit -f 8; exec \"$0\" \"$@\"";
     let mut command = Command::new("sh");
     command.current_dir(folder.path()).arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_bulbfold"));
     let picture = ["render", "mandelbulb", "--size", "640x480", "--samples", "1", "--calibrate", "off", "-o", "a.png"];
     let output = command.args(picture).output().unwrap();
-    assert_eq!(output.status.code(), Some(1), "{}", super::stderr(&output));
-    assert!(super::stderr(&output).contains("cannot write a.png"), "{}", super::stderr(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert!(stderr(&output).contains("cannot write a.png"), "{}", stderr(&output));
     assert_eq!(names(folder.path()), ["a.png"]);
     assert_eq!(std::fs::read(folder.path().join("a.png")).unwrap(), b"old");
 }
@@ -77,12 +79,12 @@ fn files_that_grow_too_large_are_an_error() {
 /// An ignored signal, as `nohup` leaves it, stays ignored.
 #[test]
 fn who_ignores_hangups_goes_on_ignoring_them() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let script = "trap '' HUP; \"$0\" \"$@\" & sleep 0.3; kill -HUP $!; wait $!";
     let mut command = Command::new("sh");
     command.current_dir(folder.path()).arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_bulbfold"));
     let picture = ["render", "mandelbulb", "--size", "1600x1200", "--samples", "2", "--backend", "cpu", "-o", "a.png"];
     let output = command.args(picture).output().unwrap();
-    assert!(output.status.success(), "{}", super::stderr(&output));
+    assert!(output.status.success(), "{}", stderr(&output));
     assert_eq!(names(folder.path()), ["a.png"]);
 }

@@ -2,11 +2,13 @@
 
 use std::os::unix::fs::symlink;
 
-use super::{SMALL, bulbfold, names, png_size, program, render, stderr};
+use super::{SMALL, names, png_size, render};
+
+use crate::support::{bulbfold, folder, program, stderr, stdout};
 
 #[test]
 fn pictures_go_to_stdout() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     // Not quiet: what is said must not be among the bytes.
     let arguments = [&["render", "mandelbulb", "--stats", "-o", "-"][..], &SMALL].concat();
     let output = bulbfold(folder.path(), arguments);
@@ -21,7 +23,7 @@ fn pictures_go_to_stdout() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_link_to_stdout_stays() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     symlink("/proc/self/fd/1", folder.path().join("stdout.png")).unwrap();
     let piped = render(folder.path(), "mandelbulb", "stdout.png");
     assert_eq!(png_size(&piped.stdout), Some((32, 18)), "{}", stderr(&piped));
@@ -39,7 +41,7 @@ fn a_link_to_stdout_stays() {
 
 #[test]
 fn texts_go_to_stdout() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     for arguments in [&["compile", "mandelbulb", "--emit", "dot"][..], &["export", "mandelbulb", "--to", "glsl"]] {
         let plain = bulbfold(folder.path(), arguments);
         let named = bulbfold(folder.path(), [arguments, &["-o", "-"]].concat());
@@ -48,13 +50,13 @@ fn texts_go_to_stdout() {
     let words = bulbfold(folder.path(), ["export", "mandelbulb", "--to", "spirv", "-o", "-"]);
     assert!(words.stdout.starts_with(&0x0723_0203_u32.to_le_bytes()), "SPIR-V begins with its number");
     let template = bulbfold(folder.path(), ["new", "a", "-o", "-"]);
-    assert!(String::from_utf8_lossy(&template.stdout).contains("nodes:"), "{}", stderr(&template));
+    assert!(stdout(&template).contains("nodes:"), "{}", stderr(&template));
     assert!(names(folder.path()).is_empty());
 }
 
 #[test]
 fn frames_go_to_stdout_one_after_the_other() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let sweep = ["--sweep", "fov=40..50", "--frames", "3", "-o", "-"];
     let output = bulbfold(folder.path(), [&["render", "mandelbulb"][..], &SMALL, &sweep].concat());
     assert!(output.status.success(), "{}", stderr(&output));

@@ -7,11 +7,13 @@ use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::process::Command;
 
-use super::{bulbfold, make_pipe, names, png_size, program, render, stderr};
+use super::{make_pipe, names, png_size, render};
+
+use crate::support::{bulbfold, folder, program, stderr};
 
 #[test]
 fn devices_are_written_into() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let path = folder.path().join("null.png");
     // Only root may make a device; nobody tries the real one.
     let made = Command::new("mknod").arg(&path).args(["c", "1", "3"]).output();
@@ -31,7 +33,7 @@ fn devices_are_written_into() {
 
 #[test]
 fn named_pipes_and_sockets_stay() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let pipe = folder.path().join("pipe.png");
     make_pipe(&pipe);
     let reader = std::thread::spawn({
@@ -53,7 +55,7 @@ fn named_pipes_and_sockets_stay() {
 
 #[test]
 fn a_pipe_that_nobody_reads_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     make_pipe(&folder.path().join("pipe.png"));
     let output = render(folder.path(), "mandelbulb", "pipe.png");
     assert_eq!(output.status.code(), Some(2));
@@ -62,7 +64,7 @@ fn a_pipe_that_nobody_reads_is_refused() {
 
 #[test]
 fn links_are_followed_and_modes_and_owners_kept() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let at = |name: &str| folder.path().join(name);
     std::fs::create_dir(at("far")).unwrap();
     symlink("far/real.png", at("link.png")).unwrap();
@@ -93,7 +95,7 @@ fn links_are_followed_and_modes_and_owners_kept() {
 /// A formula under several names, and commands that would write onto it.
 #[test]
 fn no_input_is_overwritten() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let at = |name: &str| folder.path().join(name);
     assert!(bulbfold(folder.path(), ["new", "a"]).status.success());
     assert!(bulbfold(folder.path(), ["new", "my_fold", "--step"]).status.success());
@@ -132,7 +134,7 @@ fn no_input_is_overwritten() {
 
 #[test]
 fn any_name_that_the_system_takes_will_do() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     assert!(bulbfold(folder.path(), ["new", "a"]).status.success());
     for length in [246, 251, 255] {
         let name = format!("{}.png", "x".repeat(length - 4));
@@ -166,7 +168,7 @@ fn any_name_that_the_system_takes_will_do() {
 /// Links under the names that temporary files once had, and files that nobody may write to.
 #[test]
 fn temporary_files_follow_no_link() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     std::fs::write(folder.path().join("victim"), "precious").unwrap();
     let script =
         "for n in out.png.$$.tmp .out.png.$$.tmp .bulbfold.$$.tmp; do ln -s victim $n; done; exec \"$0\" \"$@\"";
@@ -180,7 +182,7 @@ fn temporary_files_follow_no_link() {
 
 #[test]
 fn a_protected_file_stays() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     let path = folder.path().join("a.png");
     std::fs::write(&path, "old").unwrap();
     std::fs::set_permissions(&path, PermissionsExt::from_mode(0o444)).unwrap();

@@ -1,7 +1,9 @@
 //! Folds: their planes and radii, jumps, and scales that hardly grow.
 
-use super::suite::{P, all_sound, answers, formula, sound_answers};
+use super::suite::{P, all_sound, answers, sound_answers};
 use bulbfold::check::{Formula, Random, Target};
+
+use crate::support::{folder, formula};
 
 fn boxed(scale: f64, rest: &str) -> String {
     format!(
@@ -84,7 +86,7 @@ pub fn equal_coordinates() {
 
 /// A formula file with steps of its own beside it.
 fn with_steps(steps: &[(&str, &str)], text: &str) -> (tempfile::TempDir, Formula) {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     for (name, step) in steps {
         std::fs::write(folder.path().join(format!("{name}.rhai")), step).unwrap();
     }

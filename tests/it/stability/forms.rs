@@ -1,7 +1,9 @@
 //! Forms of the estimate, ranges of numbers, differences and rays.
 
-use super::suite::{P, answers, depths, formula, length, sound_answers};
+use super::suite::{P, answers, depths, length, sound_answers};
 use bulbfold::check::Target;
+
+use crate::support::formula;
 
 fn scaling(scale: f64, rest: &str) -> String {
     format!(

@@ -11,7 +11,7 @@ use bulbfold::math::Precision;
 use bulbfold::render::{RenderSettings, Renderer, Stats, compose_pipeline};
 use bulbfold::shade::Size;
 
-use super::suite::formula;
+use crate::support::{folder, formula};
 
 const SIZE: Size = Size { width: 12, height: 8 };
 const PIXELS: u64 = 96;
@@ -151,7 +151,7 @@ pub fn zoom() {
 
 /// A step of its own beside the formula.
 fn with_step(step: &str) -> (tempfile::TempDir, Formula) {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = folder();
     std::fs::write(folder.path().join("odd.rhai"), step).unwrap();
     let text = ball("(0, -3, 0)", "(0, 0, 0)", "")
         .replace("bulb_power(power: 8)", "bulb_power(power: 2), \"odd\": odd(), \"all\": Sequence([\"odd\", \"bulb\"])")

@@ -1,7 +1,9 @@
 //! Bulb powers: the origin, the poles, seams, and the range of numbers.
 
-use super::suite::{P, answers, formula, length, sound_answers};
+use super::suite::{P, answers, length, sound_answers};
 use bulbfold::check::Target;
+
+use crate::support::formula;
 
 const CONVENTIONS: [&str; 3] = ["acos", "asin", "y"];
 

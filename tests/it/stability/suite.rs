@@ -5,6 +5,8 @@ use bulbfold::compose::{Purpose, compose_estimator};
 use bulbfold::graph::Method;
 use bulbfold::kernel::Kernel;
 
+use crate::support::formula;
+
 pub type P = [f64; 3];
 
 thread_local! {
@@ -19,10 +21,6 @@ pub fn backends() -> &'static Backends {
 
 pub fn length(p: P) -> f64 {
     p.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-pub fn formula(text: &str) -> Formula {
-    Formula::from_ron(text).unwrap_or_else(|error| panic!("{text}\n{error}"))
 }
 
 /// One answer, with what it came from.
