@@ -15,6 +15,7 @@ mod cli;
 mod colours;
 mod compiled;
 mod cost;
+mod critical;
 mod diagnostics;
 mod docs;
 mod end_shapes;
