@@ -87,7 +87,8 @@ fn random_graph(random: &mut Random) -> String {
     if random.below(6) == 0 {
         let _ = write!(text, ", end: {}", wire(random, count));
     }
-    let _ = write!(text, ", escape_radius: {}, max_iterations: {})", [4, 10, 100][random.below(3)], 1 + random.below(12));
+    let _ =
+        write!(text, ", escape_radius: {}, max_iterations: {})", [4, 10, 100][random.below(3)], 1 + random.below(12));
     text
 }
 
@@ -191,16 +192,26 @@ pub fn mandelbulber(random: &mut Random, corpus: &Corpus) -> Vec<u8> {
     if random.below(2) == 0 {
         return damaged(random, corpus);
     }
-    let mut text = "# Mandelbulber settings file\n# version 2.30\n# only modified parameters\n[main_parameters]\n".to_string();
+    let mut text =
+        "# Mandelbulber settings file\n# version 2.30\n# only modified parameters\n[main_parameters]\n".to_string();
     for i in 1..=1 + random.below(4) {
         let _ = writeln!(text, "formula_{i} {};\nformula_iterations_{i} {};", random.below(300), random.below(6));
     }
     let _ = writeln!(text, "hybrid_fractal_enable {};\nN {};", random.below(2), random.below(400));
     for i in 1..=random.below(3) {
-        let _ = writeln!(text, "primitive_sphere_{i}_enabled true;\nprimitive_sphere_{i}_radius {:.3};", random.range(-1.0, 3.0));
+        let _ = writeln!(
+            text,
+            "primitive_sphere_{i}_enabled true;\nprimitive_sphere_{i}_radius {:.3};",
+            random.range(-1.0, 3.0)
+        );
     }
     for i in 1..=1 + random.below(4) {
-        let _ = writeln!(text, "[fractal_{i}]\npower {:.2};\nmandelbox_scale {:.2};", random.range(-9.0, 9.0), random.range(-3.0, 3.0));
+        let _ = writeln!(
+            text,
+            "[fractal_{i}]\npower {:.2};\nmandelbox_scale {:.2};",
+            random.range(-9.0, 9.0),
+            random.range(-3.0, 3.0)
+        );
     }
     self::text(text, random, corpus)
 }
@@ -218,7 +229,8 @@ pub fn mandelbulb3d(random: &mut Random, corpus: &Corpus) -> Vec<u8> {
     let mut record = record(random);
     for _ in 0..random.below(5) {
         let at = random.below(record.len());
-        record[at] = if random.below(2) == 0 { random.next_u64() as u8 } else { [0, 1, 0x7f, 0x80, 0xff][random.below(5)] };
+        record[at] =
+            if random.below(2) == 0 { random.next_u64() as u8 } else { [0, 1, 0x7f, 0x80, 0xff][random.below(5)] };
     }
     if random.below(10) == 0 {
         record.truncate(random.below(record.len()));
@@ -266,8 +278,8 @@ fn record(random: &mut Random) -> Vec<u8> {
 pub fn png(random: &mut Random, _: &Corpus) -> Vec<u8> {
     let (width, height) = (1 + random.below(9), 1 + random.below(9));
     let mut file = Vec::new();
-    let (color, bytes) =
-        [(png::ColorType::Rgb, 3), (png::ColorType::Rgba, 4), (png::ColorType::Grayscale, 1)][[0, 0, 0, 1, 2][random.below(5)]];
+    let (color, bytes) = [(png::ColorType::Rgb, 3), (png::ColorType::Rgba, 4), (png::ColorType::Grayscale, 1)]
+        [[0, 0, 0, 1, 2][random.below(5)]];
     let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
     encoder.set_color(color);
     encoder.set_depth(png::BitDepth::Eight);
@@ -296,7 +308,8 @@ fn mend_checksums(file: &mut [u8]) {
     let mut at = 8;
     while at + 12 <= file.len() {
         let length = file[at..at + 4].iter().fold(0_usize, |length, byte| length << 8 | usize::from(*byte));
-        let Some(end) = at.checked_add(8).and_then(|at| at.checked_add(length)).filter(|end| end + 4 <= file.len()) else {
+        let Some(end) = at.checked_add(8).and_then(|at| at.checked_add(length)).filter(|end| end + 4 <= file.len())
+        else {
             return;
         };
         let sum = crc(&file[at + 4..end]);

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-use bulbfold::film::{PngFile, Tile, read_png_bytes, windows};
 use bulbfold::files::Target;
+use bulbfold::film::{PngFile, Tile, read_png_bytes, windows};
 use bulbfold::shade::Size;
 
 /// A made PNG that `--resume` looks at; the first two bytes are the size that it must have.

@@ -16,8 +16,26 @@ use super::{as_text, composer, fixed_choices, salt, with_library};
 
 /// Values that break things.
 const SPICY: [f64; 20] = [
-    0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -2.0, 1e-9, 1e-30, 1e-160, 1e-310, 7.5, 1e4, -1e9, 1e30, 1e300, f64::MAX, f64::NAN,
-    f64::INFINITY, f64::NEG_INFINITY,
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.5,
+    2.0,
+    -2.0,
+    1e-9,
+    1e-30,
+    1e-160,
+    1e-310,
+    7.5,
+    1e4,
+    -1e9,
+    1e30,
+    1e300,
+    f64::MAX,
+    f64::NAN,
+    f64::INFINITY,
+    f64::NEG_INFINITY,
 ];
 
 /// Bytes as choices; after the last byte all choices are those of a fixed row of random numbers.
@@ -86,7 +104,8 @@ fn grown<'g>(arena: &'g Arena, known: &[Expr<'g>], choices: &mut Choices) -> Exp
         0 if of.ty().width == 3 => of.component(choices.below(3) as u8),
         1 if of.ty().width == 3 => of.length(),
         2 if of.ty().width == 1 => {
-            let parts: Vec<Expr> = (0..3).map(|_| pick(choices)).map(|e| if e.ty().width == 1 { e } else { e.component(0) }).collect();
+            let parts: Vec<Expr> =
+                (0..3).map(|_| pick(choices)).map(|e| if e.ty().width == 1 { e } else { e.component(0) }).collect();
             arena.compose(&parts)
         }
         3 => of.powi(choices.below(9) as i32 - 4),

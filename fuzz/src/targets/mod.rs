@@ -58,7 +58,8 @@ fn fixed_choices(composer: &Composer, salt: u64) -> Vec<Choice> {
         .iter()
         .map(|orbit| {
             let settings = &orbit.settings;
-            let roots = [orbit.root].into_iter().chain(settings.pre.iter().copied()).chain(settings.post.iter().copied());
+            let roots =
+                [orbit.root].into_iter().chain(settings.pre.iter().copied()).chain(settings.post.iter().copied());
             let rules: Vec<_> = roots.map(|root| scalar_rules(composer, root)).collect();
             let methods: &[Method] = match rules.iter().all(Option::is_some) {
                 true => &[Method::Scalar, Method::Combined, Method::Gradient, Method::Delta],

@@ -50,7 +50,8 @@ pub fn step(bytes: &[u8]) {
             params.insert(param.name.as_str().into(), script_value(&arena, &param.kind, &param.default));
         }
         let (z, c) = (arena.input(0, ty), arena.input(1, ty));
-        let mut function = Function::new("step", vec![Port::new("z", ty), Port::new("c", ty), Port::new("dr", Type::F)]);
+        let mut function =
+            Function::new("step", vec![Port::new("z", ty), Port::new("c", ty), Port::new("dr", Type::F)]);
         let (engine, sources) = (&library.engine, &library.sources);
         let value = match step.is_shape() {
             true => step.trace_distance(engine, sources, &arena, z, &params),
@@ -77,7 +78,8 @@ pub fn step(bytes: &[u8]) {
 
 /// The list of a formula's tests. One in fifty is run on the CPU.
 pub fn tests(bytes: &[u8]) {
-    let text = format!("(nodes: {{\"a\": bulb_power()}}, max_iterations: 4, escape_radius: 4, tests: [{}])", as_text(bytes));
+    let text =
+        format!("(nodes: {{\"a\": bulb_power()}}, max_iterations: 4, escape_radius: 4, tests: [{}])", as_text(bytes));
     with_library(|library| {
         let mut d = Diagnostics::default();
         let loaded = load_text(library, "input.ron", &text, &[], &mut d);
