@@ -37,6 +37,6 @@ pub use backends::{Backends, Target};
 pub use formula::{Formula, FormulaError};
 pub use imported::measure_for_import;
 pub use report::{Outcome, Report, Verdict};
-pub use runner::{Options, check_calibration, run_graph, run_paths, run_paths_with};
+pub use runner::{Options, REQUIRE_GPU, check_calibration, run_graph, run_paths, run_paths_with};
 pub use subject::Subject;
 pub use traits::is_conformal;

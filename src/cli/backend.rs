@@ -2,10 +2,12 @@
 
 use bulbfold::kernel::cpu::{Cpu, Precision};
 #[cfg(feature = "gpu")]
-use bulbfold::kernel::gpu::{AdapterInfoLine, AdapterWanted, Gpu, adapters};
+use bulbfold::kernel::gpu::{AdapterWanted, Gpu};
 use bulbfold::kernel::{Backend, BackendError};
 
 use super::arguments::{BackendArg, PrecisionArg};
+#[cfg(feature = "gpu")]
+use super::driver;
 use super::session::talk;
 use super::{Failure, Session, message, usage};
 
@@ -75,6 +77,16 @@ pub fn run_job<J: Job>(
 /// `None` where `auto` finds no hardware, which is nothing to talk about.
 #[cfg(feature = "gpu")]
 fn run_on_gpu<J: Job>(wanted: BackendArg, job: &mut J) -> Option<Result<(String, J::Output), BackendError>> {
+    if wanted == BackendArg::Auto {
+        // Nobody asked for this driver, so it may end no more than a process of its own.
+        let tried = driver::try_hardware();
+        if let Some(error) = tried.error {
+            return Some(Err(error));
+        }
+        if !tried.has_hardware() {
+            return None;
+        }
+    }
     // Software adapters only where a GPU was asked for by name; hardware is preferred in either case.
     let adapter = if wanted == BackendArg::Gpu { AdapterWanted::Any } else { AdapterWanted::Hardware };
     let gpu = match Gpu::new(adapter) {
@@ -114,25 +126,36 @@ fn run_on_gpu<J: Job>(wanted: BackendArg, _: &mut J) -> Option<Result<(String, J
     (wanted == BackendArg::Gpu).then_some(Err(BackendError::NoAdapter(text)))
 }
 
-/// A line for each adapter: text, and whether it is a software one.
-#[cfg(feature = "gpu")]
-pub fn adapter_lines() -> Vec<(String, bool)> {
-    let line = |a: &AdapterInfoLine| format!("{} ({}, {}, {})", a.name, a.backend, a.device_type, a.driver);
-    adapters().iter().map(|a| (line(a), a.is_software)).collect()
+/// Adapters with their text and whether they are in software, and why none of them can be used where a driver fails: tried in
+/// another process.
+pub fn tried_adapters() -> (Vec<(String, bool)>, Option<BackendError>) {
+    #[cfg(feature = "gpu")]
+    {
+        let tried = driver::try_any();
+        return (tried.adapters, tried.error);
+    }
+    #[cfg(not(feature = "gpu"))]
+    (Vec::new(), None)
 }
 
-/// A line for each adapter; none in this build.
-#[cfg(not(feature = "gpu"))]
-pub fn adapter_lines() -> Vec<(String, bool)> {
-    Vec::new()
+/// Whether there is graphics hardware whose driver works, tried in another process.
+#[cfg(feature = "chart")]
+pub fn hardware_works() -> bool {
+    #[cfg(feature = "gpu")]
+    return driver::try_hardware().has_hardware();
+    #[cfg(not(feature = "gpu"))]
+    false
 }
 
-/// Runs a job on every back end of the machine, the reference (f64) first.
-pub fn run_everywhere<J: Job>(job: &mut J) -> Vec<(String, Result<J::Output, BackendError>)> {
+/// Runs a job on every back end of the machine, the reference (f64) first; on a GPU where its driver `works`.
+pub fn run_everywhere<J: Job>(job: &mut J, works: bool) -> Vec<(String, Result<J::Output, BackendError>)> {
     let mut results = Vec::new();
     for precision in [Precision::F64, Precision::F32] {
         let cpu = Cpu::new(precision);
         results.push((cpu.description(), job.run(&cpu)));
+    }
+    if !works {
+        return results;
     }
     match run_on_gpu(BackendArg::Gpu, job) {
         Some(Ok((name, output))) => results.push((name, Ok(output))),

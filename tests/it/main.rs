@@ -18,6 +18,8 @@ mod cost;
 mod critical;
 mod diagnostics;
 mod docs;
+#[cfg(all(feature = "gpu", target_os = "linux"))]
+mod driver;
 mod end_shapes;
 mod estimate_settings;
 mod exchange;
