@@ -126,7 +126,12 @@ pub fn write(path: &Path, calibration: &Calibration) -> std::io::Result<()> {
 
 /// Reads a file; nothing where it is missing or is not what [`write()`] writes.
 pub fn read(path: &Path) -> Option<Entry> {
-    let value: Value = serde_json::from_str(&read_text(path, MAX_TEXT, Chosen::Found).ok()?).ok()?;
+    parse(&read_text(path, MAX_TEXT, Chosen::Found).ok()?)
+}
+
+/// Reads the text of a file; nothing where it is not what [`write()`] writes.
+pub fn parse(text: &str) -> Option<Entry> {
+    let value: Value = serde_json::from_str(text).ok()?;
     let texts = |name: &str| -> Option<Vec<String>> {
         value[name].as_array()?.iter().map(|v| v.as_str().map(String::from)).collect()
     };

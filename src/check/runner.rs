@@ -24,7 +24,7 @@ use crate::render::{RenderSettings, compose_pipeline};
 use crate::shade::Size;
 
 /// Set to 1, a machine without a GPU adapter fails its tests instead of leaving them out.
-const REQUIRE_GPU: &str = "BULBFOLD_REQUIRE_GPU";
+pub const REQUIRE_GPU: &str = "BULBFOLD_REQUIRE_GPU";
 
 /// What to run.
 #[derive(Clone, PartialEq, Eq, Debug)]

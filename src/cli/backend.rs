@@ -2,34 +2,49 @@
 
 use bulbfold::engine::{BackendChoice, Backends, Error, Work};
 use bulbfold::kernel::BackendError;
-#[cfg(feature = "gpu")]
-use bulbfold::kernel::gpu::{AdapterInfoLine, adapters};
-
 use bulbfold::math::Precision;
 
+#[cfg(feature = "gpu")]
+use super::driver;
 use super::session::talk;
 
-/// A line for each adapter: text, and whether it is a software one.
-#[cfg(feature = "gpu")]
-pub fn adapter_lines() -> Vec<(String, bool)> {
-    let line = |a: &AdapterInfoLine| format!("{} ({}, {}, {})", a.name, a.backend, a.device_type, a.driver);
-    adapters().iter().map(|a| (line(a), a.is_software)).collect()
+/// Adapters with their text and whether they are in software, and why none of them can be used where a driver fails: tried in
+/// another process.
+pub fn tried_adapters() -> (Vec<(String, bool)>, Option<BackendError>) {
+    #[cfg(feature = "gpu")]
+    {
+        let tried = driver::try_any();
+        return (tried.adapters, tried.error);
+    }
+    #[cfg(not(feature = "gpu"))]
+    (Vec::new(), None)
 }
 
-/// A line for each adapter; none in this build.
-#[cfg(not(feature = "gpu"))]
-pub fn adapter_lines() -> Vec<(String, bool)> {
-    Vec::new()
+/// Whether there is graphics hardware whose driver works, tried in another process.
+///
+/// Errors: what the driver did wrong.
+pub fn try_hardware() -> Result<bool, BackendError> {
+    #[cfg(feature = "gpu")]
+    {
+        let tried = driver::try_hardware();
+        let has_hardware = tried.has_hardware();
+        return tried.error.map_or(Ok(has_hardware), Err);
+    }
+    #[cfg(not(feature = "gpu"))]
+    Ok(false)
 }
 
-/// Does work on every back end of the machine, the reference (f64) first.
-pub fn run_everywhere<W: Work>(work: &mut W) -> Vec<(String, Result<W::Output, Error>)> {
+/// Does work on every back end of the machine, the reference (f64) first; on a GPU where its driver `works`.
+pub fn run_everywhere<W: Work>(work: &mut W, works: bool) -> Vec<(String, Result<W::Output, Error>)> {
     let (mut results, backends) = (Vec::new(), Backends::default());
     for precision in [Precision::F64, Precision::F32] {
         match backends.run_on_cpu(precision, work, &mut ()) {
             Ok((name, output)) => results.push((name, Ok(output))),
             Err(error) => results.push((format!("cpu, {}", precision.name()), Err(error))),
         }
+    }
+    if !works {
+        return results;
     }
     match backends.run_on_gpu(BackendChoice::Gpu, work, &mut ()) {
         Some(Ok((name, output))) => results.push((name, Ok(output))),

@@ -24,6 +24,8 @@ use bulbfold::shade::Size;
 use clap::Args;
 
 use super::arguments::{AutoArgs, BackendArg, ChangeArgs, parse_positive, parse_size, precision_parser};
+#[cfg(feature = "gpu")]
+use super::backend::tried_adapters;
 use super::progress::Progress;
 use super::{Failure, Outcome, Session, message, usage};
 
@@ -183,11 +185,14 @@ impl Machine {
         }
         let peaks = Peaks::measure();
         #[cfg(feature = "gpu")]
-        return match (arguments.backend, Gpu::new(AdapterWanted::Any)) {
-            (BackendArg::Cpu, _) => Ok(Machine { gpu: None, peaks }),
-            (_, Ok(gpu)) => Ok(Machine { gpu: Some(gpu), peaks }),
-            (BackendArg::Gpu, Err(error)) => Err(no_gpu(&error.to_string())),
-            (BackendArg::Auto, Err(_)) => Ok(Machine { gpu: None, peaks }),
+        return match arguments.backend {
+            BackendArg::Cpu => Ok(Machine { gpu: None, peaks }),
+            BackendArg::Auto if tried_adapters().1.is_some() => Ok(Machine { gpu: None, peaks }),
+            wanted => match Gpu::new(AdapterWanted::Any) {
+                Ok(gpu) => Ok(Machine { gpu: Some(gpu), peaks }),
+                Err(error) if wanted == BackendArg::Gpu => Err(no_gpu(&error.to_string())),
+                Err(_) => Ok(Machine { gpu: None, peaks }),
+            },
         };
         #[cfg(not(feature = "gpu"))]
         match arguments.backend {

@@ -23,6 +23,7 @@ use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
 use super::arguments::{BackendArg, ChangeArgs, parse_number, parse_size, precision_parser};
+use super::backend::try_hardware;
 use super::output::{self, Content, check_output};
 use super::progress::Progress;
 use super::session::talk;
@@ -177,7 +178,8 @@ fn backends(arguments: &Arguments) -> Result<Backends, Failure> {
             return Err(usage("GPUs compute in f32: `--backend gpu` and `--precision f64` exclude each other", help));
         }
         BackendArg::Cpu => Backends::cpu_only(),
-        BackendArg::Auto => Backends::with_hardware(),
+        BackendArg::Auto if try_hardware().unwrap_or(false) => Backends::with_hardware(),
+        BackendArg::Auto => Backends::cpu_only(),
         BackendArg::Gpu => Backends::new(),
     };
     match backends.why_no_gpu() {

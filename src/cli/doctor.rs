@@ -12,7 +12,7 @@ use bulbfold::kernel::{Estimator, Kernel, inwards};
 use bulbfold::math::Precision;
 use clap::Args;
 
-use super::backend::{adapter_lines, run_everywhere};
+use super::backend::{run_everywhere, tried_adapters};
 use super::probe::KernelJob;
 use super::{Failure, Outcome, Session, message};
 
@@ -39,7 +39,8 @@ pub fn run(_: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome
     writeln!(out, "bulbfold {}", env!("CARGO_PKG_VERSION"))?;
     writeln!(out, "cpu      {}", Cpu::new(Precision::F32).description())?;
     writeln!(out, "threads  {}", rayon::current_num_threads())?;
-    let adapters = adapter_lines();
+    out.flush()?;
+    let (adapters, broken) = tried_adapters();
     for (line, is_software) in &adapters {
         let note = if *is_software { ", in software: `auto` prefers the CPU back end" } else { "" };
         writeln!(out, "adapter  {line}{note}")?;
@@ -48,8 +49,12 @@ pub fn run(_: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome
         writeln!(out, "adapter  none")?;
     }
     let mut failed = 0;
+    if let Some(error) = &broken {
+        failed += 1;
+        writeln!(out, "FAIL     gpu: {error}")?;
+    }
     for name in FRACTALS {
-        for (backend, verdict) in compare(session, name)? {
+        for (backend, verdict) in compare(session, name, broken.is_none())? {
             let (word, text) = match verdict {
                 Ok(text) => ("PASS", text),
                 Err(text) => ("FAIL", text),
@@ -71,7 +76,8 @@ pub fn run(_: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome
 /// A back end's name, and how far it is from the reference, or why it failed.
 type Verdict = (String, Result<String, String>);
 
-fn compare(session: &mut Session, name: &str) -> Result<Vec<Verdict>, Failure> {
+/// Compares the back ends; the GPU where its driver `works`.
+fn compare(session: &mut Session, name: &str, works: bool) -> Result<Vec<Verdict>, Failure> {
     let graph = session.load(name, &[])?.graph;
     let arena = Arc::new(Arena::default());
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
@@ -81,7 +87,8 @@ fn compare(session: &mut Session, name: &str) -> Result<Vec<Verdict>, Failure> {
     });
     let (kernel, radius) = kernel.map_err(|diagnostic| session.failure(diagnostic))?;
     let columns = probe_set(radius);
-    let mut results = run_everywhere(&mut KernelJob { arena: &arena, kernel: &kernel, columns: &columns }).into_iter();
+    let mut job = KernelJob { arena: &arena, kernel: &kernel, columns: &columns };
+    let mut results = run_everywhere(&mut job, works).into_iter();
     let Some((first, Ok(reference))) = results.next() else {
         return Err(Failure::Work(message("the reference back end failed", "")));
     };

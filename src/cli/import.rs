@@ -2,14 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use bulbfold::check::{Backends, Formula, Target};
+use bulbfold::check::measure_for_import;
 use bulbfold::diag::{Diagnostic, Diagnostics};
 use bulbfold::exchange::import::encoding::{Decoded, MAX_BYTES, decode};
-use bulbfold::exchange::import::evidence::{Ours, Points};
 use bulbfold::exchange::import::{Imported, LostKind, fragmentarium, mandelbulb3d, mandelbulber};
 use bulbfold::files::{Chosen, read_bytes};
 use bulbfold::formula::library::Library;
-use bulbfold::graph::Method;
 use bulbfold::load::load_text;
 use clap::Args;
 
@@ -99,30 +97,13 @@ fn read(arguments: &Arguments, session: &mut Session) -> Result<Imported, Failur
                 preset: arguments.preset.as_deref(),
                 taken_for: arguments.taken_for.as_deref(),
             };
-            fragmentarium::import(sources, (id, &name), request, &ours, &mut d)
+            fragmentarium::import(sources, (id, &name), request, &measure_for_import, &mut d)
         }
         _ if is_m3d => mandelbulb3d::import(sources, (id, &name), &bytes, &mut d),
         _ => mandelbulber::import(sources, id, &name, &mut d),
     };
     session.report(d)?;
     imported.ok_or_else(|| usage(format!("cannot import {}", file.display()), ""))
-}
-
-/// Orbits and distances of a graph file's text, to be compared with a shader's.
-fn ours(text: &str, points: &Points) -> Result<Ours, String> {
-    let formula = Formula::from_ron(text).map_err(|error| error.to_string())?;
-    let (subject, backends) = (formula.subject(), Backends::cpu_only());
-    let mut orbits = Vec::new();
-    for iterations in 1..=points.iterations {
-        let kernel = subject.orbit_kernel(iterations).map_err(|_| "the formula does not compose")?;
-        let states = subject.orbits(&backends, Target::CPU_F64, &kernel, &points.near).map_err(|e| e.to_string())?;
-        orbits.push(states.iter().map(|state| std::array::from_fn(|i| state.get(i).copied().unwrap_or(0.0))).collect());
-    }
-    let choices = subject.choices(Some(Method::Scalar)).or_else(|| subject.choices(None)).unwrap_or_default();
-    let kernel = subject.estimator(&choices).map_err(|_| "the formula does not compose")?;
-    let found = subject.estimates(&backends, Target::CPU_F64, &kernel, &points.far).map_err(|e| e.to_string())?;
-    let distances = found.into_iter().map(|(distance, inside)| (!inside).then_some(distance)).collect();
-    Ok(Ours { orbits, distances })
 }
 
 /// The bytes of a file. No output may replace it.

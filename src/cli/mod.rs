@@ -19,6 +19,8 @@ mod compile;
 mod cost;
 mod docs;
 mod doctor;
+#[cfg(feature = "gpu")]
+mod driver;
 mod explain;
 mod export;
 mod frames;
@@ -118,6 +120,10 @@ enum Command {
     Doctor(doctor::Arguments),
     /// Write the reference of steps and operators.
     Docs(docs::Arguments),
+    /// Open a GPU and let it compute, in a process that may crash.
+    #[cfg(feature = "gpu")]
+    #[command(name = driver::COMMAND, hide = true)]
+    TryDriver(driver::Arguments),
 }
 
 /// Why a command did not do its work. The texts end without a newline unless they are rendered diagnostics.
@@ -200,6 +206,8 @@ fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
         Command::Gallery(arguments) => gallery::run(arguments, &mut session()?, out),
         Command::Doctor(arguments) => doctor::run(arguments, &mut session()?, out),
         Command::Docs(arguments) => docs::run(arguments, &mut session()?, out),
+        #[cfg(feature = "gpu")]
+        Command::TryDriver(arguments) => driver::run(arguments, out),
     }
 }
 

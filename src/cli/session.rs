@@ -10,6 +10,7 @@ use bulbfold::formula::library::Library;
 use bulbfold::graph::ValidGraph;
 use bulbfold::load::{Loaded, load};
 
+use super::backend::try_hardware;
 use super::watch::Watch;
 use super::{Failure, message, usage};
 
@@ -28,7 +29,8 @@ impl Session {
     pub fn new(folders: &[PathBuf], trusts_others: bool) -> Result<Session, Failure> {
         let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
         let colour = std::io::stderr().is_terminal() && !no_colour;
-        let mut session = Session { library: Library::builtin(), engine: Engine::new(), colour };
+        let mut session =
+            Session { library: Library::builtin(), engine: Engine::new().trying_hardware(try_hardware), colour };
         session.library.trusts_others = trusts_others;
         let mut d = Diagnostics::default();
         for folder in folders {

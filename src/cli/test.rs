@@ -3,9 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use bulbfold::check::{Options, run_paths_with};
+use bulbfold::check::{Options, REQUIRE_GPU, run_paths_with};
 use clap::Args;
 
+use super::backend::tried_adapters;
 use super::{Failure, Outcome, Session, message, usage};
 
 /// Arguments of `test`.
@@ -32,7 +33,13 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     if let Some(missing) = arguments.paths.iter().find(|path| !path.exists()) {
         return Err(usage(format!("there is no file or folder {}", missing.display()), ""));
     }
-    let options = Options { filter: arguments.filter.clone(), gpu: !arguments.no_gpu };
+    // Where a GPU is required a driver that fails is no reason to leave it out.
+    let is_required = std::env::var_os(REQUIRE_GPU).is_some();
+    let broken = if arguments.no_gpu || is_required { None } else { tried_adapters().1 };
+    if let Some(error) = &broken {
+        session.warn(&format!("{error}; the GPU is left out"));
+    }
+    let options = Options { filter: arguments.filter.clone(), gpu: !arguments.no_gpu && broken.is_none() };
     let mut written = Ok(());
     let report = run_paths_with(&mut session.library, &arguments.paths, &options, &mut |outcome| {
         if written.is_ok() {

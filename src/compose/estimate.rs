@@ -28,6 +28,9 @@ struct End<'g> {
 /// Escape radius up to which an iteration that grows by a factor leaves lengths that can be squared: the factor may be 10^10.
 const SHORT: f64 = 1e9;
 
+/// The greatest estimate, in world units: what stands for an infinite one.
+const FARTHEST: f64 = 1e30;
+
 impl<'a> OrbitBuilder<'a> {
     /// Fills `function`, which takes the state and frozen values; `n` is the number of iterations done.
     pub(super) fn finish(
@@ -233,17 +236,22 @@ impl<'a> OrbitBuilder<'a> {
         (0..columns[0].len()).map(|i| arena.compose(&[columns[0][i], columns[1][i], columns[2][i]])).collect()
     }
 
-    /// The estimate in world units; negative in an end shape only. A slope of 0 tells nothing: the estimate is 0 and the march walks. What
-    /// is not a number or infinite comes out as not a number, to be counted: `max` may drop either, comparisons do not.
+    /// The estimate in world units; negative in an end shape only. At a critical point the slope is 0 and the estimate grows beyond
+    /// all bounds: it is [`FARTHEST`] there, as it nearly is beside. What is not a number, and what comes of a size that is
+    /// infinite, comes out as not a number, to be counted: `max` may drop either, comparisons and sums do not.
     fn distance(&self, size: Expr<'a>, slope: Expr<'a>, n: Expr<'a>) -> Expr<'a> {
         let arena = self.composer.arena;
         let zero = arena.f(0.0);
         let tiny = arena.f(1e-30);
-        let known = slope.max(tiny);
+        // The same number, unless it is next to nothing.
+        let known = slope + tiny;
         let converges = self.settings.escape.is_convergence();
         let logarithmic = || match converges {
             // Near a point that attracts by a power its logarithm is a potential as well, below 0.
-            true => -(size * size.max(tiny).ln() * 0.5 / known),
+            true => {
+                let size = size.max(tiny);
+                -(size * size.ln() * 0.5 / known)
+            }
             false => size * size.ln() * 0.5 / known,
         };
         let d = match (self.choice.method, self.choice.form) {
@@ -255,16 +263,17 @@ impl<'a> OrbitBuilder<'a> {
             (_, DeForm::Linear) if converges => (-size + self.choice.radius) / known,
             (_, DeForm::Linear | DeForm::Box | DeForm::Plane) => (size - self.choice.radius) / known,
         };
-        let nan = arena.f(f64::NAN);
-        // What `max` makes of NaN does not matter: it is not below 1e30.
-        let least = if self.choice.form == DeForm::End { d } else { d.max(zero) };
-        let finite = d.lt(arena.f(1e30)).select(least, nan);
+        let farthest = arena.f(FARTHEST);
         // A norm may lose NaN and be 0; the size does not.
-        let told = tiny.lt(slope).select(finite, size.lt(arena.f(1e38)).select(slope, nan));
+        let far = size.lt(arena.f(1e38)).select(slope + farthest, arena.f(f64::NAN));
+        // What `max` makes of NaN does not matter: it is not below the farthest.
         match self.choice.form {
             // In is what is not outside the shape, also where it is flat.
-            DeForm::End => size.le(zero).select(told.min(-tiny), told),
-            _ => told,
+            DeForm::End => {
+                let told = tiny.lt(slope).select(d.lt(farthest).select(d, far), far);
+                size.le(zero).select(told.min(-tiny), told)
+            }
+            _ => d.lt(farthest).select(d.max(zero), far),
         }
     }
 

@@ -38,6 +38,8 @@ pub struct Backends {
     cpu: [Mutex<Kept<Cpu>>; 2],
     /// Whether kernels are kept.
     keeps: bool,
+    /// Says whether there is hardware whose driver works.
+    works: Option<fn() -> Result<bool, BackendError>>,
     #[cfg(feature = "gpu")]
     gpu: Mutex<Option<Opened>>,
 }
@@ -60,6 +62,11 @@ impl Backends {
             opened.kernels = Kept::keeping();
         }
         self.keeps = true;
+    }
+
+    /// Asks this before a GPU is opened that nobody asked for by name.
+    pub fn try_hardware(&mut self, works: fn() -> Result<bool, BackendError>) {
+        self.works = Some(works);
     }
 
     /// Kernels that were compiled so far.
@@ -133,6 +140,11 @@ impl Backends {
         // Software adapters only where a GPU was asked for by name; hardware is preferred in either case.
         let is_enough = |opened: &Opened| opened.is_hardware || wanted == BackendChoice::Gpu;
         if !slot.as_ref().is_some_and(is_enough) {
+            match self.works.filter(|_| wanted == BackendChoice::Auto).map(|works| works()) {
+                Some(Ok(false)) => return None,
+                Some(Err(error)) => return Some(Err(error)),
+                _ => {}
+            }
             let adapter = if wanted == BackendChoice::Gpu { AdapterWanted::Any } else { AdapterWanted::Hardware };
             match Gpu::new(adapter) {
                 Ok(gpu) => {

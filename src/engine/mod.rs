@@ -45,6 +45,7 @@ use crate::diag::Diagnostics;
 use crate::expr::Arena;
 use crate::film::Image;
 use crate::formula::library::Library;
+use crate::kernel::BackendError;
 #[cfg(feature = "gpu")]
 use crate::kernel::gpu::Gpu;
 use crate::load::{Loaded, load, load_text};
@@ -89,6 +90,14 @@ impl Engine {
             true => Err(Error::Formula(Box::new(FormulaMessages { messages, sources: self.library.sources }))),
             false => Ok(self),
         }
+    }
+
+    /// The engine that asks before it opens a GPU which nobody asked for by name: whether there is hardware whose driver works. A
+    /// program that can start a process for the question survives drivers that crash.
+    #[must_use]
+    pub fn trying_hardware(mut self, works: fn() -> Result<bool, BackendError>) -> Engine {
+        self.backends.try_hardware(works);
+        self
     }
 
     /// The engine with a device that its caller has opened.

@@ -21,6 +21,13 @@ pub fn read_png(path: &Path, size: Size) -> Result<MadePng, String> {
     // Compressed data is a little longer than what it holds, at most.
     let raw = u64::from(size.height) * (u64::from(size.width) * 3 + 1);
     let bytes = read_bytes(path, raw + raw / 64 + (1 << 20), Chosen::Found).map_err(|error| error.to_string())?;
+    read_png_bytes(&bytes, size)
+}
+
+/// Looks at the bytes of a PNG file as [`read_png`] does.
+///
+/// Errors: what is wrong with it, as the end of a sentence that begins with its name.
+pub fn read_png_bytes(bytes: &[u8], size: Size) -> Result<MadePng, String> {
     let broken = |error: png::DecodingError| format!("it is no whole PNG ({error})");
     let mut decoder = png::Decoder::new_with_options(Cursor::new(bytes), strict());
     decoder.set_transformations(png::Transformations::IDENTITY);

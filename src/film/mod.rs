@@ -5,7 +5,7 @@ mod png;
 
 use std::path::Path;
 
-pub use self::made::{MadePng, read_png};
+pub use self::made::{MadePng, read_png, read_png_bytes};
 pub use self::png::PngFile;
 
 use crate::files::Target;

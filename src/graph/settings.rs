@@ -237,13 +237,15 @@ impl Default for DifferenceStep {
 }
 
 impl DifferenceStep {
-    /// The step at a point whose last estimate is `de`; `least` stands in where it is unknown or below that.
+    /// The step at a point whose last estimate is `de`; `least` stands in where it is unknown, below that, or so large as near
+    /// critical points alone, which says nothing.
     pub fn length(self, de: f64, least: f64) -> f64 {
+        const MOST: f64 = 1e6;
         let wanted = match self {
             DifferenceStep::Share(share) => de * share,
             DifferenceStep::Fixed(step) => step,
         };
-        if wanted.is_finite() { wanted.max(least) } else { least }
+        if wanted < MOST { wanted.max(least) } else { least }
     }
 }
 

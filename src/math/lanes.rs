@@ -284,9 +284,9 @@ fn atan2<S: Simd>(y: S::f32s, x: S::f32s) -> S::f32s {
     let large = steep.select(height, width);
     let small = steep.select(width, height);
     let ratio = small / large;
-    // Two infinities count as the diagonal; the origin has angle 0.
-    let ratio = small.simd_eq(large).select(same::<S>(x, 1.0), ratio);
-    let ratio = large.simd_eq(0.0).select(same::<S>(x, 0.0), ratio);
+    // Two infinities count as the diagonal; the origin has angle 0. What is not a number equals nothing and stays.
+    let diagonal = large.simd_eq(0.0).select(same::<S>(x, 0.0), same::<S>(x, 1.0));
+    let ratio = small.simd_eq(large).select(diagonal, ratio);
 
     let z = ratio * ratio;
     let tail = polynomial::<S, 8>(

@@ -1,6 +1,5 @@
 //! What is wrong in a formula is found and named; what is shipped is clean.
 
-
 use bulbfold::check::Formula;
 use bulbfold::check::health::{Health, Kind, Severity, check_formula, check_step};
 use bulbfold::formula::library::Library;

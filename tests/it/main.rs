@@ -15,8 +15,11 @@ mod cli;
 mod colours;
 mod compiled;
 mod cost;
+mod critical;
 mod diagnostics;
 mod docs;
+#[cfg(all(feature = "gpu", target_os = "linux"))]
+mod driver;
 mod end_shapes;
 mod engine;
 mod estimate_settings;

@@ -1,7 +1,6 @@
 //! Rows of Mandelbulber's formulas against states of orbits that were computed outside of this program, from that program's
 //! definitions: defaults, and settings drawn at random with most switches and ranges of iterations.
 
-
 use crate::support::{bulbfold, folder, stderr, stdout};
 
 const CASES: &str = include_str!("rows/orbits.txt");

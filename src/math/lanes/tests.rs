@@ -211,6 +211,8 @@ fn atan2_of_awkward_inputs() {
         [f32::MAX, f32::MAX, quarter],
         [NAN, 1.0, NAN],
         [1.0, NAN, NAN],
+        [NAN, 0.0, NAN],
+        [NAN, -0.0, NAN],
         [NAN, INF, NAN],
         [0.0, NAN, NAN],
     ];

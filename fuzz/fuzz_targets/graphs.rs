@@ -1,0 +1,3 @@
+#![cfg_attr(fuzzing, no_main)]
+
+bulbfold_fuzz::libfuzzer_target!("graphs");

@@ -1,0 +1,60 @@
+//! Estimates at critical points and next to nothing beside them: outside of the set they are numbers above 0, by every method.
+
+use bulbfold::check::{Backends, Formula, Random, Target};
+use bulbfold::compose::field_orbits;
+use bulbfold::formula::embedded::FRACTALS;
+use bulbfold::graph::Method;
+
+/// Folds, poles and critical points have coordinates of 0; the others are in no special place.
+fn points() -> Vec<[f64; 3]> {
+    let near = [0.0, 1e-30, -1e-160];
+    let values = [0.0, 1e-30, -1e-160, 0.7, -1.3];
+    let mut points: Vec<[f64; 3]> = Vec::new();
+    for x in near {
+        for y in values {
+            for z in values {
+                points.extend([[x, y, z], [y, x, z], [y, z, x]]);
+            }
+        }
+    }
+    let mut random = Random::new(31);
+    points.extend((0..20).map(|_| random.in_ball(3.0)));
+    points
+}
+
+fn has_end_shape(formula: &Formula) -> bool {
+    field_orbits(&formula.subject().composer()).iter().any(|orbit| orbit.settings.shape.is_some())
+}
+
+/// What is wrong with a fractal's estimates, a line for each method and back end.
+fn wrong(name: &str, formula: &Formula, backends: &Backends, targets: &[Target]) -> Vec<String> {
+    let (subject, points) = (formula.subject(), points());
+    let mut wrong = Vec::new();
+    for method in Method::ALL {
+        let Some(choices) = subject.choices(Some(method)) else { continue };
+        let kernel = subject.estimator(&choices).expect("built-in fractals compose");
+        // A proof of 0 says that nothing is proven; within an end shape distances are below 0.
+        let may_be_zero = method.is_certified() || has_end_shape(formula);
+        for target in targets {
+            let found = subject.estimates(backends, *target, &kernel, &points).expect("kernels run");
+            let bad = |de: f64| de.is_nan() || (de <= 0.0 && !may_be_zero);
+            let mut bad = points.iter().zip(&found).filter(|(_, (de, inside))| !inside && bad(*de));
+            if let Some((p, (de, _))) = bad.next() {
+                let more = bad.count();
+                wrong.push(format!("{name}, {}, {}: {de} at {p:?}, and {more} more", method.name(), target.name()));
+            }
+        }
+    }
+    wrong
+}
+
+#[test]
+fn estimates_are_numbers_above_zero_outside() {
+    let backends = Backends::cpu_only();
+    let mut all = Vec::new();
+    for (name, _) in FRACTALS {
+        let formula = Formula::builtin(name).expect("built-in fractals load");
+        all.extend(wrong(name, &formula, &backends, &[Target::CPU_F64, Target::CPU_F32]));
+    }
+    assert!(all.is_empty(), "{}", all.join("\n"));
+}
