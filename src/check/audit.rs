@@ -8,12 +8,14 @@
 use crate::compose::Composer;
 use crate::diag::Diagnostic;
 use crate::graph::{EstimateSettings, Method};
+use crate::kernel::BackendError;
 use crate::kernel::cpu::Cpu;
-use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use crate::kernel::records::Marched;
 use crate::march::is_undecided;
 use crate::math::Precision;
 use crate::math::random::Random;
-use crate::render::{Pipeline, RenderSettings, compose_pipeline};
+use crate::render::passes::centres;
+use crate::render::{Marches, Pipeline, RenderSettings, compose_pipeline};
 
 /// Rays that are marched at once, between two reports of progress.
 const BATCH: usize = 512;
@@ -124,28 +126,18 @@ fn march_pixels(
     pixels: &[(u32, u32)],
 ) -> Result<Vec<Vec<f64>>, BackendError> {
     let cpu = Cpu::new(Precision::F64);
-    let run = |kernel: &Kernel, columns: &[Vec<f64>]| {
-        let prepared = cpu.prepare(composer.arena, kernel)?;
-        let columns = cpu.upload(columns)?;
-        cpu.download(&cpu.run(&prepared, &[&columns])?)
-    };
-    let x = pixels.iter().map(|p| f64::from(p.0) + 0.5).collect();
-    let y = pixels.iter().map(|p| f64::from(p.1) + 0.5).collect();
-    run(&pipeline.march, &run(&pipeline.camera_kernel, &[x, y])?)
+    Ok(Marches::new(&cpu, composer.arena, &pipeline.passes)?.run(&cpu, &centres(pixels))?.ends)
 }
 
 impl Audit {
     fn add(&mut self, pixels: &[(u32, u32)], estimated: &[Vec<f64>], certified: &[Vec<f64>], pixel_radius: f64) {
-        let ports = march_output_ports();
-        let column = |name: &str| ports.iter().position(|p| p.name == name).expect("a port of the march");
-        let [t, last, steps, status] = ["t", "last_de", "steps", "status"].map(column);
-        let depth = |out: &[Vec<f64>], i: usize| (Status::from_code(out[status][i]) == Status::Hit).then(|| out[t][i]);
-        for (i, pixel) in pixels.iter().enumerate() {
+        let ends = Marched::of(estimated).rays().zip(Marched::of(certified).rays());
+        for (pixel, (estimated, certified)) in pixels.iter().zip(ends) {
             self.rays += 1;
-            self.steps[0] += estimated[steps][i];
-            self.steps[1] += certified[steps][i];
-            let open = is_undecided(certified[last][i], certified[steps][i], Status::from_code(certified[status][i]));
-            let (found, proven) = (depth(estimated, i), depth(certified, i));
+            self.steps[0] += estimated.steps;
+            self.steps[1] += certified.steps;
+            let open = is_undecided(certified.last_de, certified.steps, certified.end());
+            let (found, proven) = (estimated.depth(), certified.depth());
             match (open, proven) {
                 (true, _) => self.undecided += 1,
                 (false, Some(_)) => self.hit += 1,

@@ -1,15 +1,17 @@
 //! Marching the centre of every pixel, and what is asked about each of them.
 
 use super::View;
-use crate::check::truth::{Ray, Scale, Truths};
+use crate::check::truth::{self, Scale, Truths};
 use crate::compose::{ComposeResult, Composer, Purpose, compose_estimator};
 use crate::expr::Arena;
 use crate::film::tiles;
 use crate::kernel::cpu::Cpu;
-use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use crate::kernel::records::{Marched, Ray};
+use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::stop_at_crossing;
 use crate::math::Precision;
-use crate::render::Pipeline;
+use crate::render::passes::{Chain, Passes, Slot, centres};
+use crate::render::{Marches, Pipeline, Role};
 use crate::shade::Size;
 
 /// Pixels that are marched at once.
@@ -17,19 +19,18 @@ const BATCH: usize = 1 << 14;
 
 /// The kernels of a view.
 pub struct ViewKernels<'a> {
-    camera: &'a Kernel,
-    march: &'a Kernel,
+    pipeline: &'a Pipeline,
     /// The march that ends where the surface is crossed.
     crossing: Option<Kernel>,
-    /// Hits to the point in front of them, and the estimate's origin there.
-    decision: Option<(&'a Kernel, Kernel)>,
+    /// Hits to the origin of the estimate in front of them.
+    decision: Option<Passes<Kernel>>,
 }
 
 /// What the marches of all pixels gave. All lists are in the order of `pixels`.
-pub struct Marched {
+pub struct PixelMarches {
     /// Columns and rows.
     pub size: Size,
-    /// Columns of [`march_output_ports`].
+    /// Columns of [`Marched`].
     pub hits: Vec<Vec<f64>>,
     /// Where the first step behind the surface landed, as a depth; negative where there was none. Empty unless asked for.
     pub crossing: Vec<f64>,
@@ -42,20 +43,24 @@ pub struct Marched {
 impl<'a> ViewKernels<'a> {
     /// Composes what a view needs besides the pipeline's own kernels.
     pub fn new(composer: &Composer, pipeline: &'a Pipeline, view: View) -> ComposeResult<ViewKernels<'a>> {
-        let crossing = match (&pipeline.march, view) {
-            (Kernel::March(march), View::Overshoot | View::Confidence) => {
-                Some(Kernel::March(stop_at_crossing(composer.arena, march)))
+        let crossing = match view {
+            View::Overshoot | View::Confidence => {
+                Some(Kernel::March(stop_at_crossing(composer.arena, pipeline.march())))
             }
             _ => None,
         };
         let decision = match view {
             View::Method => {
                 let estimator = compose_estimator(composer, &pipeline.plan.choices, Purpose::Decision)?;
-                Some((&pipeline.surface_point, Kernel::Estimate(estimator)))
+                let mut passes = Passes::default();
+                let point = pipeline.kernel(Role::SurfacePoint).clone();
+                passes.push(Role::SurfacePoint, [Slot::Rays, Slot::Ends], Slot::Queries, point);
+                passes.push(Role::Surface, [Slot::Queries], Slot::Surfaces, Kernel::Estimate(estimator));
+                Some(passes)
             }
             _ => None,
         };
-        Ok(ViewKernels { camera: &pipeline.camera_kernel, march: &pipeline.march, crossing, decision })
+        Ok(ViewKernels { pipeline, crossing, decision })
     }
 
     /// Marches all pixels. `progress` is told the share that is done.
@@ -65,37 +70,39 @@ impl<'a> ViewKernels<'a> {
         arena: &Arena,
         size: Size,
         progress: &mut dyn FnMut(f64),
-    ) -> Result<Marched, BackendError> {
+    ) -> Result<PixelMarches, BackendError> {
         let prepare = |kernel: &Kernel| backend.prepare(arena, kernel);
-        let (camera, march) = (prepare(self.camera)?, prepare(self.march)?);
+        let marches = Marches::new(backend, arena, &self.pipeline.passes)?;
         let crossing = self.crossing.as_ref().map(prepare).transpose()?;
-        let decision = match &self.decision {
-            Some((point, estimate)) => Some((prepare(point)?, prepare(estimate)?)),
-            None => None,
-        };
-        let ports = march_output_ports().len();
-        let mut marched = Marched {
+        let seen = [Slot::Rays, Slot::Ends];
+        let decision =
+            self.decision.as_ref().map(|passes| Chain::compile(backend, arena, passes, &seen, &[Slot::Surfaces]));
+        let decision = decision.transpose()?;
+        let mut marched = PixelMarches {
             size,
-            hits: vec![Vec::new(); ports],
+            hits: vec![Vec::new(); Marched::WIDTH],
             crossing: Vec::new(),
             before: Vec::new(),
             decider: Vec::new(),
         };
         let pixels = pixels(size);
         for batch in pixels.chunks(BATCH) {
-            let rays = backend.run(&camera, &[&backend.upload(&centres(batch))?])?;
-            let hits = backend.run(&march, &[&rays])?;
+            let rays = marches.rays(backend, &centres(batch))?;
+            let hits = marches.ends(backend, &rays)?;
             let columns = backend.download(&hits)?;
             marched.hits.iter_mut().zip(columns).for_each(|(all, part)| all.extend(part));
             if let Some(crossing) = &crossing {
                 let ends = backend.download(&backend.run(crossing, &[&rays])?)?;
-                marched.crossing.extend(&ends[column("t_inside")]);
-                marched.before.extend(&ends[column("t_outside")]);
+                let ends = Marched::of(&ends);
+                marched.crossing.extend(ends.t_inside);
+                marched.before.extend(ends.t_outside);
             }
-            if let Some((point, estimate)) = &decision {
-                let points = backend.run(point, &[&rays, &hits])?;
-                let decided = backend.download(&backend.run(estimate, &[&points])?)?;
-                marched.decider.extend(decided.last().expect("a decision has outputs"));
+            if let Some(decision) = &decision {
+                let written = decision.run(backend, &[(Slot::Rays, &rays), (Slot::Ends, &hits)], |_, _| {})?;
+                for decided in written.rest() {
+                    let decided = backend.download(&decided)?;
+                    marched.decider.extend(decided.last().expect("a decision has outputs"));
+                }
             }
             progress(marched.hits[0].len() as f64 / pixels.len() as f64);
         }
@@ -103,15 +110,15 @@ impl<'a> ViewKernels<'a> {
     }
 }
 
-impl Marched {
-    /// A column of the march by its port's name.
-    pub fn column(&self, name: &str) -> &[f64] {
-        &self.hits[column(name)]
+impl PixelMarches {
+    /// What the marches gave.
+    pub fn ends(&self) -> Marched<&[f64]> {
+        Marched::of(&self.hits)
     }
 
     /// How the ray of a pixel ended.
     pub fn status(&self, i: usize) -> Status {
-        Status::from_code(self.column("status")[i])
+        self.ends().ray(i).end()
     }
 }
 
@@ -130,26 +137,17 @@ pub fn find_truths(
 ) -> ComposeResult<Truths> {
     let cpu = Cpu::new(Precision::F64);
     let run = || -> Result<Vec<Vec<f64>>, BackendError> {
-        let camera = cpu.prepare(composer.arena, &pipeline.camera_kernel)?;
+        let camera = cpu.prepare(composer.arena, pipeline.kernel(Role::Camera))?;
         cpu.download(&cpu.run(&camera, &[&cpu.upload(&centres(&pixels(size)))?])?)
     };
     let columns = run().expect("the CPU runs every kernel");
     let vector = |first: usize, i: usize| [0, 1, 2].map(|k| columns[first + k][i]);
-    let rays: Vec<Ray> = (0..columns[0].len()).map(|i| (vector(0, i), vector(3, i))).collect();
+    let Ray { origin, direction, .. } = Ray::COLUMNS;
+    let rays: Vec<truth::Ray> = (0..columns[origin].len()).map(|i| (vector(origin, i), vector(direction, i))).collect();
     let scale = Scale::of_view(&pipeline.camera, size, pipeline.plan.bounding_radius);
     let mut told = |share: f64| {
         progress(share);
         true
     };
     Truths::find(composer, &pipeline.plan.choices, &rays, scale, &mut told)
-}
-
-fn centres(pixels: &[(u32, u32)]) -> Vec<Vec<f64>> {
-    let coordinate = |of: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(of(p)) + 0.5).collect();
-    vec![coordinate(|p| p.0), coordinate(|p| p.1)]
-}
-
-/// Column of a march's output.
-fn column(name: &str) -> usize {
-    march_output_ports().iter().position(|p| p.name == name).expect("the name is one of the march's ports")
 }

@@ -1,16 +1,17 @@
 //! Machine code against the interpreter: equal to the bit.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::check::Random;
 use bulbfold::compose::{Purpose, compose_estimator};
 use bulbfold::diag::Diagnostics;
 use bulbfold::expr::ops::Operator;
 use bulbfold::expr::{Arena, Differentiator, Expr, Function, Port, Type};
-use bulbfold::kernel::cpu::{Cpu, Precision};
+use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::{Backend, Estimator, Kernel, listing};
 use bulbfold::load::load_text;
 use bulbfold::march::{MarchSettings, compose_march};
+use bulbfold::math::Precision;
 
 use super::{as_text, composer, fixed_choices, salt, with_library};
 
@@ -130,7 +131,7 @@ pub fn graphs(bytes: &[u8]) {
         let loaded = load_text(library, "input.ron", &as_text(bytes), &[], &mut Diagnostics::default());
         let Some(loaded) = loaded else { return };
         let graph = loaded.graph.with_orbit_settings(|s| s.max_iterations = s.max_iterations.min(12));
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let composer = composer(&arena, library, &graph);
         let salt = salt(bytes);
         let choices = fixed_choices(&composer, salt);

@@ -7,7 +7,7 @@ pub mod readers;
 pub mod writers;
 
 use std::cell::RefCell;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::compose::{Choice, Composer, Plan, Reach, field_orbits, scalar_rules};
 use bulbfold::diag::Diagnostics;
@@ -92,7 +92,7 @@ fn salt(bytes: &[u8]) -> u64 {
 
 /// Names of a composer's parts, owned by the caller.
 fn composer<'a>(
-    arena: &'a Rc<bulbfold::expr::Arena>,
+    arena: &'a Arc<bulbfold::expr::Arena>,
     library: &'a Library,
     graph: &'a bulbfold::graph::ValidGraph,
 ) -> Composer<'a> {

@@ -1,6 +1,6 @@
 //! Readers of Bulbfold's own files.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::calibrate::cache::parse;
 use bulbfold::check::{Options, run_graph};
@@ -43,7 +43,7 @@ pub fn step(bytes: &[u8]) {
         let read = Step::read(&library.engine, &library.sources, id, "input", &mut d);
         expect_told(library, &d, read.is_some());
         let Some(step) = read else { return };
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let ty = if step.state == StateWidth::Four { Type::V4 } else { Type::V3 };
         let mut params = rhai::Map::new();
         for param in &step.params {

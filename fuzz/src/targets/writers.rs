@@ -1,6 +1,6 @@
 //! A graph through every writer.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use bulbfold::calibrate::Calibration;
 use bulbfold::calibrate::written::{with_outcome, without_outcome};
@@ -28,7 +28,7 @@ pub fn writers(bytes: &[u8]) {
         let loaded = load_text(library, "input.ron", &as_text(bytes), &[], &mut Diagnostics::default());
         let Some(loaded) = loaded else { return };
         let graph = loaded.graph.with_orbit_settings(|s| s.max_iterations = s.max_iterations.min(12));
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let composer = composer(&arena, library, &graph);
         // The automatic choice costs many times the rest.
         let plan = match salt(bytes) % 16 {
@@ -76,7 +76,7 @@ pub fn edit(bytes: &[u8]) {
         let Some(loaded) = load_text(library, "input.ron", &text, &[], &mut Diagnostics::default()) else { return };
         let (graph, id) = (loaded.graph, loaded.text);
         let graph = graph.with_orbit_settings(|s| s.max_iterations = s.max_iterations.min(12));
-        let arena = Rc::new(Arena::default());
+        let arena = Arc::new(Arena::default());
         let composer = composer(&arena, library, &graph);
         let plan = fixed_plan(&composer, salt(bytes));
         let subject = Subject { library, graph: &graph, arena: &arena, plan };

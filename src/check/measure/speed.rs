@@ -6,8 +6,10 @@
 use std::time::{Duration, Instant};
 
 use crate::expr::Arena;
-use crate::kernel::{Backend, BackendError, march_output_ports};
-use crate::render::Pipeline;
+use crate::kernel::records::Marched;
+use crate::kernel::{Backend, BackendError};
+use crate::render::passes::{Chain, Slot, centres};
+use crate::render::{Pipeline, Role};
 use crate::shade::Size;
 
 /// Runs that are made at least, after one that warms up and is not counted.
@@ -117,12 +119,9 @@ pub fn march_speed<B: Backend>(
     timing: Timing,
     run: Run<B>,
 ) -> Result<Speed, BackendError> {
-    let camera = backend.prepare(arena, &pipeline.camera_kernel)?;
-    let march = backend.prepare(arena, &pipeline.march)?;
-    let rays = |pixels: &[(u32, u32)]| {
-        let column = |f: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(f(p)) + 0.5).collect::<Vec<f64>>();
-        backend.run(&camera, &[&backend.upload(&[column(|p| p.0), column(|p| p.1)])?])
-    };
+    let camera = Chain::compile(backend, arena, &pipeline.passes, &[Slot::Points], &[Slot::Rays])?;
+    let march = backend.prepare(arena, pipeline.kernel(Role::March))?;
+    let rays = |pixels: &[(u32, u32)]| camera.write(backend, Slot::Points, &centres(pixels), Slot::Rays);
     let timed = |rays: &B::Columns| {
         let start = Instant::now();
         let out = run(&march, rays)?;
@@ -138,12 +137,9 @@ pub fn march_speed<B: Backend>(
     let chosen = pixels(size, if timing.is_device { all } else { fit.max(FIRST_PIXELS) });
     let rays = rays(&chosen)?;
     let out = backend.download(&timed(&rays)?.1)?;
-    let sum = |name: &str| {
-        let column = march_output_ports().iter().position(|p| p.name == name).expect("the name is one of the ports");
-        out[column].iter().sum::<f64>()
-    };
+    let Marched { steps, iterations, .. } = Marched::of(&out).map(|column| column.iter().sum::<f64>());
     let times = Times::of(timing.enough, || timed(&rays).map(|(time, _)| time))?;
-    Ok(Speed { pixels: chosen.len(), estimates: sum("steps"), iterations: sum("iterations"), times })
+    Ok(Speed { pixels: chosen.len(), estimates: steps, iterations, times })
 }
 
 #[cfg(test)]
