@@ -5,7 +5,8 @@
 
 use crate::expr::Arena;
 use crate::kernel::cpu::Cpu;
-use crate::kernel::{Backend, BackendError, Status, march_output_ports};
+use crate::kernel::records::{Marched, Ray};
+use crate::kernel::{Backend, BackendError};
 use crate::math::Precision;
 use crate::render::Pipeline;
 use crate::shade::{self, Size};
@@ -79,12 +80,9 @@ fn march(arena: &Arena, pipeline: &Pipeline, size: Size) -> Result<Vec<(f64, [f6
     let rays = cpu.run(&camera, &[&cpu.upload(&[x, y])?])?;
     let out = cpu.download(&cpu.run(&kernel, &[&rays])?)?;
     let rays = cpu.download(&rays)?;
-    let ports = march_output_ports();
-    let column = |name: &str| &out[ports.iter().position(|p| p.name == name).expect("a port of the march")];
-    let (t, status, outside) = (column("t"), column("status"), column("t_outside"));
-    let hit = |i: usize| {
-        let is_hit = Status::from_code(status[i]) == Status::Hit && outside[i] >= 0.0 && t[i] > 0.0;
-        is_hit.then(|| (t[i], [0, 1, 2].map(|k| rays[k][i] + rays[3 + k][i] * t[i])))
+    let hit = |(i, end): (usize, Marched<f64>)| {
+        let t = end.depth().filter(|t| !end.begins_inside() && *t > 0.0)?;
+        Some((t, Ray::point(&rays, i, t)))
     };
-    Ok((0..t.len()).filter_map(hit).collect())
+    Ok(Marched::of(&out).rays().enumerate().filter_map(hit).collect())
 }

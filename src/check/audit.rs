@@ -9,7 +9,8 @@ use crate::compose::Composer;
 use crate::diag::Diagnostic;
 use crate::graph::{EstimateSettings, Method};
 use crate::kernel::cpu::Cpu;
-use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use crate::kernel::records::Marched;
+use crate::kernel::{Backend, BackendError, Kernel};
 use crate::march::is_undecided;
 use crate::math::Precision;
 use crate::math::random::Random;
@@ -136,16 +137,13 @@ fn march_pixels(
 
 impl Audit {
     fn add(&mut self, pixels: &[(u32, u32)], estimated: &[Vec<f64>], certified: &[Vec<f64>], pixel_radius: f64) {
-        let ports = march_output_ports();
-        let column = |name: &str| ports.iter().position(|p| p.name == name).expect("a port of the march");
-        let [t, last, steps, status] = ["t", "last_de", "steps", "status"].map(column);
-        let depth = |out: &[Vec<f64>], i: usize| (Status::from_code(out[status][i]) == Status::Hit).then(|| out[t][i]);
-        for (i, pixel) in pixels.iter().enumerate() {
+        let ends = Marched::of(estimated).rays().zip(Marched::of(certified).rays());
+        for (pixel, (estimated, certified)) in pixels.iter().zip(ends) {
             self.rays += 1;
-            self.steps[0] += estimated[steps][i];
-            self.steps[1] += certified[steps][i];
-            let open = is_undecided(certified[last][i], certified[steps][i], Status::from_code(certified[status][i]));
-            let (found, proven) = (depth(estimated, i), depth(certified, i));
+            self.steps[0] += estimated.steps;
+            self.steps[1] += certified.steps;
+            let open = is_undecided(certified.last_de, certified.steps, certified.end());
+            let (found, proven) = (estimated.depth(), certified.depth());
             match (open, proven) {
                 (true, _) => self.undecided += 1,
                 (false, Some(_)) => self.hit += 1,

@@ -7,7 +7,8 @@ use crate::compose::{Choice, ComposeResult, Composer, Plan, Purpose, choose, com
 use crate::expr::Arena;
 use crate::formula::library::Library;
 use crate::graph::{EstimateSettings, Method, ValidGraph};
-use crate::kernel::{BackendError, Estimator, Kernel, Status, inwards, march_output_ports};
+use crate::kernel::records::{Marched, Ray};
+use crate::kernel::{BackendError, Estimator, Kernel, inwards};
 use crate::march::{MarchSettings, compose_march};
 
 /// First step of finite differences, before an estimate says which one is right.
@@ -137,16 +138,9 @@ impl<'a> Subject<'a> {
             ..MarchSettings::of_plan(&self.plan, 0.0, target.precision())
         };
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
-        let mut columns = vec![Vec::new(); 8];
-        for (origin, direction) in rays {
-            let (near, far) = sphere_range(*origin, *direction, self.plan.bounding_radius);
-            let values = origin.iter().chain(direction).copied().chain([near, far]);
-            columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
-        }
+        let columns = super::truth::ray_columns(rays, self.plan.bounding_radius);
         let out = backends.run(target, self.arena, &kernel, &columns)?;
-        let status = march_output_ports().iter().position(|p| p.name == "status").expect("a march gives its status");
-        let depth = |i: usize| (Status::from_code(out[status][i]) == Status::Hit).then(|| out[0][i]);
-        Ok(Ok((0..rays.len()).map(depth).collect()))
+        Ok(Ok(Marched::of(&out).rays().map(|end| end.depth()).collect()))
     }
 }
 
@@ -156,7 +150,7 @@ pub(super) fn sphere_range(origin: [f64; 3], direction: [f64; 3], radius: f64) -
     let middle = -o.dot(d);
     let half_sq = radius * radius - (o + d * middle).length_squared();
     if half_sq < 0.0 {
-        return (0.0, -1.0);
+        return (0.0, Ray::NOWHERE);
     }
     ((middle - half_sq.sqrt()).max(0.0), middle + half_sq.sqrt())
 }

@@ -8,8 +8,9 @@ use bulbfold::compose::{Choice, Composer, Plan, Purpose, choose, compose_estimat
 use bulbfold::engine::{Observer, Request, Settling, Work};
 use bulbfold::expr::Arena;
 use bulbfold::graph::{Method, ValidGraph};
+use bulbfold::kernel::records::{Marched, Ray};
 use bulbfold::kernel::template::Kept;
-use bulbfold::kernel::{Backend, BackendError, Estimator, Kernel, Status, inwards, march_output_ports};
+use bulbfold::kernel::{Backend, BackendError, Estimator, Kernel, inwards};
 use bulbfold::march::{MarchSettings, compose_march};
 use bulbfold::math::Precision;
 use bulbfold::render::RenderSettings;
@@ -137,13 +138,12 @@ impl Probe<'_> {
         let kernel = Kernel::March(compose_march(self.arena, estimator, &settings));
         let columns = ray_columns(rays, plan.bounding_radius)?;
         let results = self.work(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })?;
-        let ports = march_output_ports();
-        let column = |name: &str| &results[ports.iter().position(|p| p.name == name).expect("a port of the march")];
-        for i in 0..rays.len() {
-            let hit = Status::from_code(column("status")[i]) == Status::Hit;
-            let t = if hit { column("t")[i].into() } else { Value::Null };
+        for end in Marched::of(&results).rays() {
             let line = json!({
-                "hit": hit, "t": t, "estimates": column("steps")[i] as u64, "iterations": column("iterations")[i] as u64,
+                "hit": end.depth().is_some(),
+                "t": end.depth().map_or(Value::Null, Value::from),
+                "estimates": end.steps as u64,
+                "iterations": end.iterations as u64,
             });
             self.write_line(&line, out)?;
         }
@@ -253,7 +253,7 @@ impl Probe<'_> {
 /// range.
 fn ray_columns(rays: &[[f64; 6]], radius: f64) -> Result<Vec<Vec<f64>>, Failure> {
     use glam::DVec3;
-    let mut columns = vec![Vec::new(); 8];
+    let mut columns = vec![Vec::new(); Ray::WIDTH];
     for (i, ray) in rays.iter().enumerate() {
         let origin = DVec3::new(ray[0], ray[1], ray[2]);
         let given = DVec3::new(ray[3], ray[4], ray[5]);
@@ -267,7 +267,7 @@ fn ray_columns(rays: &[[f64; 6]], radius: f64) -> Result<Vec<Vec<f64>>, Failure>
         let half_sq = radius * radius - (origin + direction * middle).length_squared();
         let half = half_sq.max(0.0).sqrt();
         let near = (middle - half).max(0.0);
-        let far = if half_sq < 0.0 { -1.0 } else { middle + half };
+        let far = if half_sq < 0.0 { Ray::NOWHERE } else { middle + half };
         let values = origin.to_array().into_iter().chain(direction.to_array()).chain([near, far]);
         for (column, value) in columns.iter_mut().zip(values) {
             column.push(value);

@@ -9,7 +9,7 @@ use bulbfold::kernel::template::Kept;
 use bulbfold::kernel::{Backend, BackendError};
 use bulbfold::render::Pipeline;
 use bulbfold::shade::Size;
-use bulbfold::view::{Marched, Shown, View, ViewKernels, find_truths, show};
+use bulbfold::view::{PixelMarches, Shown, View, ViewKernels, find_truths, show};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 
@@ -100,14 +100,14 @@ struct ViewWork<'a> {
 }
 
 impl Work for ViewWork<'_> {
-    type Output = Marched;
+    type Output = PixelMarches;
 
     fn run<B: Backend>(
         &mut self,
         backend: &B,
         _: &mut Kept<B>,
         observer: &mut dyn Observer,
-    ) -> Result<Marched, BackendError> {
+    ) -> Result<PixelMarches, BackendError> {
         let mut tell = |share| observer.progress(Stage::Rendering, share);
         let marched = self.kernels.run(backend, self.arena, self.size, &mut tell);
         tell(1.0);

@@ -14,7 +14,8 @@ use crate::formula::step::Step;
 use crate::graph::{
     DeForm, Method, NodeKind, NodeRef, OrbitSettings, Palette, ParamInput, Part, Primitive, SphereForm, Tiling,
 };
-use crate::kernel::{Estimator, EstimatorInputs, Orbit};
+use crate::kernel::records::{Answer, Painted, Query, Surface};
+use crate::kernel::{Estimator, Orbit};
 use crate::math::Precision;
 
 /// Extent from which on r ln r / 2 dr, which is half of r ln r for a power, says more than the distance to the set's middle.
@@ -127,7 +128,7 @@ pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpo
     let mut inputs = Estimator::inputs();
     let leaves: Vec<Leaf> = orbits.iter().map(|orbit| Leaf::new(composer.arena, orbit, &mut inputs)).collect();
     let mut combine = Function::new("combine", inputs);
-    let EstimatorInputs { p, .. } = EstimatorInputs::new(composer.arena);
+    let Query { p, .. } = Query::first(composer.arena);
     let (at, n) = (p, composer.arena.f(0.0));
     let palette = &composer.graph.look.palette;
     let field = FieldBuilder { composer, specs: &specs, choices, leaves: Some(&leaves), purpose, at, n, palette };
@@ -207,27 +208,24 @@ impl<'g> FieldBuilder<'_, 'g> {
         let value = self.value(self.composer.graph.output, &Frame::default())?;
         match self.purpose {
             Purpose::Estimate | Purpose::Proof | Purpose::March | Purpose::Truth => {
-                combine.output("de", self.seen(&value));
-                combine.output("inside", value.inside);
+                Answer { de: self.seen(&value), inside: value.inside }.write(combine);
             }
             Purpose::Surface => {
-                combine.output("gradient", value.gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0])));
-                combine.output("trap", value.trap.unwrap_or_else(|| untouched(arena)));
+                let gradient = value.gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
+                Surface { gradient, trap: value.trap.unwrap_or_else(|| untouched(arena)) }.write(combine);
                 if let Some(albedo) = value.albedo {
-                    combine.output("albedo", albedo);
+                    Painted { albedo }.write(combine);
                 }
             }
             Purpose::Probe => {
-                combine.output("de", value.d);
-                combine.output("inside", value.inside);
+                Answer { de: value.d, inside: value.inside }.write(combine);
                 let first = self.leaves.and_then(|leaves| leaves.first());
                 combine.output("n", first.map_or(arena.f(0.0), |leaf| leaf.n));
                 combine.output("r", first.map_or(arena.f(0.0), |leaf| leaf.outputs[1]));
                 combine.output("z", first.map_or(arena.constant(Type::V4, [0.0; 4]), |leaf| leaf.outputs[2]));
             }
             Purpose::Decision => {
-                combine.output("de", value.d);
-                combine.output("inside", value.inside);
+                Answer { de: value.d, inside: value.inside }.write(combine);
                 combine.output("decider", value.decider.unwrap_or_else(|| arena.f(0.0)));
             }
         }
@@ -238,7 +236,7 @@ impl<'g> FieldBuilder<'_, 'g> {
     fn seen(&self, value: &FieldValue<'g>) -> Expr<'g> {
         match value.unclear.filter(|_| self.choices.iter().any(|choice| choice.stops)) {
             Some(unclear) => {
-                let near = value.d.lt(EstimatorInputs::new(self.composer.arena).hit_eps);
+                let near = value.d.lt(Query::first(self.composer.arena).hit_eps);
                 unclear.and(near).select(value.d.lift(0.0), value.d)
             }
             None => value.d,
@@ -345,7 +343,7 @@ impl<'g> FieldBuilder<'_, 'g> {
             DeForm::Linear | DeForm::Logarithmic => stays,
             // What has not escaped is in the set where it ends in the shape; a plane is as thick as the hit threshold.
             DeForm::Box => leaf.inside.and(de.le(zero)),
-            DeForm::Plane => leaf.inside.and(de.le(EstimatorInputs::new(self.composer.arena).hit_eps)),
+            DeForm::Plane => leaf.inside.and(de.le(Query::first(self.composer.arena).hit_eps)),
             DeForm::End => leaf.inside.and(de.lt(zero)),
         };
         let shown = |at: usize| is_surface.then(|| leaf.outputs[at]);
@@ -392,7 +390,7 @@ impl<'g> FieldBuilder<'_, 'g> {
 
     fn primitive(&self, node: NodeRef, primitive: &Primitive, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
         let arena = self.composer.arena;
-        let EstimatorInputs { hit_eps, .. } = EstimatorInputs::new(arena);
+        let Query { hit_eps, .. } = Query::first(arena);
         let local = self.local(frame)?.xyz();
         let d = self.back(frame, signed_distance(primitive, local))?;
         let is_shell = matches!(primitive, Primitive::Sphere { form: SphereForm::Shell, .. });
@@ -434,7 +432,7 @@ impl<'g> FieldBuilder<'_, 'g> {
     /// How far around the point a shape's distance `d` is proven to stay above 0: `h` or nothing. What the shape's file says of
     /// its slope is not asked, and may be wrong.
     fn proven_empty(&self, d: Expr<'g>) -> Expr<'g> {
-        let EstimatorInputs { h, .. } = EstimatorInputs::new(self.composer.arena);
+        let Query { h, .. } = Query::first(self.composer.arena);
         let zero = h.lift(0.0);
         let least = Encloser::new(self.composer.arena, &[(self.at, h)]).bounds(d)[0].lo;
         zero.lt(least).select(h, zero)

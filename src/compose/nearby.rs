@@ -13,7 +13,8 @@ use super::{Choice, ComposeResult, Composer, FieldOrbit, Purpose};
 use crate::expr::{Expr, Function, Port, Type};
 use crate::graph::Method;
 use crate::kernel::cpu::{Cpu, CpuKernel};
-use crate::kernel::{Backend, Estimator, EstimatorInputs, Kernel};
+use crate::kernel::records::Query;
+use crate::kernel::{Backend, Estimator, Kernel};
 use crate::math::Precision;
 use crate::math::random::Random;
 
@@ -366,7 +367,7 @@ fn compose(composer: &Composer, orbit: &FieldOrbit, choice: &Choice, claim: Opti
             combine.output("estimate", de);
         }
         Some(Claim::Estimate) => {
-            combine.output("near", (!inside).and(de.lt(EstimatorInputs::new(composer.arena).hit_eps)));
+            combine.output("near", (!inside).and(de.lt(Query::first(composer.arena).hit_eps)));
             combine.output("least", composer.arena.f(0.0));
         }
         None => {

@@ -8,7 +8,8 @@ use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
 use crate::graph::{Constant, Escape, IterationMap, Method, NodeRef, OrbitSettings, resolve_schedule};
-use crate::kernel::{EstimatorInputs, Orbit};
+use crate::kernel::Orbit;
+use crate::kernel::records::Query;
 
 /// What an orbit carries besides z.
 pub(super) struct Carried {
@@ -309,10 +310,10 @@ impl<'a> OrbitBuilder<'a> {
         })
     }
 
-    /// Start values as expressions of the [`EstimatorInputs`].
+    /// Start values as expressions of the [`Query`].
     pub(super) fn start(&self) -> ComposeResult<(State<'a>, Constants<'a>)> {
         let arena = self.composer.arena;
-        let EstimatorInputs { p, d, h, hit_eps } = EstimatorInputs::new(arena);
+        let Query { p, d, h, hit_eps } = Query::first(arena);
         let h = if self.purpose == Purpose::Truth { hit_eps * SHARE_OF_TRUTH } else { h };
         let offsets = match self.carried.shifted {
             Shifted::None => Vec::new(),

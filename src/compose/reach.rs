@@ -20,6 +20,7 @@ use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose, compose_estimator, field_orbits};
 use crate::graph::{DeForm, Method, NodeKind, Primitive};
 use crate::kernel::cpu::{Cpu, CpuKernel};
+use crate::kernel::records::Answer;
 use crate::kernel::work::Work;
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
 use crate::math::Precision;
@@ -228,8 +229,7 @@ pub(super) fn proofs(composer: &Composer, choices: &[Choice], extent: Option<f64
         ..choice.clone()
     };
     let choices: Vec<Choice> = choices.iter().zip(&orbits).map(with).collect();
-    let mut estimator = compose_estimator(composer, &choices, Purpose::Proof)?;
-    estimator.combine.outputs.retain(|(port, _)| port.name == "de");
+    let estimator = compose_estimator(composer, &choices, Purpose::Proof)?.only(Answer::COLUMNS.de);
     Ok(Some(Kernel::Estimate(estimator)))
 }
 
@@ -306,8 +306,7 @@ impl Search {
             true => choices.to_vec(),
             false => choices.iter().map(plain).collect(),
         };
-        let mut estimator = compose_estimator(composer, &plain, Purpose::Estimate)?;
-        estimator.combine.outputs.retain(|(port, _)| port.name == "inside");
+        let estimator = compose_estimator(composer, &plain, Purpose::Estimate)?.only(Answer::COLUMNS.inside);
         let cpu = Cpu::new(Precision::F64);
         let iterations: u32 = estimator.orbits.iter().map(|orbit| orbit.max_iterations).sum();
         let kernel = Kernel::Estimate(estimator);

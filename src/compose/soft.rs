@@ -9,7 +9,8 @@ use super::orbit::compose_orbit;
 use super::paint::untouched;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Expr, Function, substitute};
-use crate::kernel::{Estimator, EstimatorInputs, Orbit};
+use crate::kernel::records::{Painted, Query, Surface};
+use crate::kernel::{Estimator, Orbit};
 
 /// Corners of a tetrahedron, in thresholds.
 const CORNERS: [[f64; 3]; 4] = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
@@ -18,7 +19,7 @@ const CORNERS: [[f64; 3]; 4] = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, 
 pub(super) fn compose_soft_surface(composer: &Composer, choices: &[Choice]) -> ComposeResult<Estimator> {
     let arena = composer.arena;
     let specs = field_orbits(composer);
-    let EstimatorInputs { p, hit_eps, .. } = EstimatorInputs::new(arena);
+    let Query { p, hit_eps, .. } = Query::first(arena);
     let corner = |to: [f64; 3]| p + arena.v3(to) * hit_eps;
     let mut orbits: Vec<Orbit> = Vec::new();
     let places = std::iter::once(None).chain(CORNERS.map(Some)).enumerate();
@@ -54,10 +55,10 @@ pub(super) fn compose_soft_surface(composer: &Composer, choices: &[Choice]) -> C
     let fallback = value.gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
     // Where nothing differs, or something is not a number, the point's own gradient has to do.
     let is_known = arena.f(0.0).lt(length).and(length.lt(arena.f(1e30)));
-    combine.output("gradient", is_known.select(slope / length.max(arena.f(1e-30)), fallback));
-    combine.output("trap", value.trap.unwrap_or_else(|| untouched(arena)));
+    let gradient = is_known.select(slope / length.max(arena.f(1e-30)), fallback);
+    Surface { gradient, trap: value.trap.unwrap_or_else(|| untouched(arena)) }.write(&mut combine);
     if let Some(albedo) = value.albedo {
-        combine.output("albedo", albedo);
+        Painted { albedo }.write(&mut combine);
     }
     drop_unread(arena, &mut orbits, &combine);
     Ok(Estimator { orbits, combine })

@@ -24,6 +24,30 @@ impl Port {
     }
 }
 
+/// The inputs of a function that is being composed, taken one after the other.
+pub struct Inputs<'g> {
+    arena: &'g Arena,
+    ports: Vec<Port>,
+}
+
+impl<'g> Inputs<'g> {
+    /// None yet.
+    pub fn new(arena: &'g Arena) -> Inputs<'g> {
+        Inputs { arena, ports: Vec::new() }
+    }
+
+    /// The next input.
+    pub fn take(&mut self, name: impl Into<String>, ty: Type) -> Expr<'g> {
+        self.ports.push(Port::new(name, ty));
+        self.arena.input((self.ports.len() - 1) as u16, ty)
+    }
+
+    /// A function of these inputs, whose outputs are all still to be added.
+    pub fn function(self, name: impl Into<String>) -> Function {
+        Function::new(name, self.ports)
+    }
+}
+
 /// A straight-line function. Input `i` is the arena's node `Input(i)` of the port's type.
 #[derive(Clone, Debug)]
 pub struct Function {

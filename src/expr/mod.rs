@@ -28,4 +28,4 @@ mod simplify;
 pub use arena::{Arena, Expr, Node, NodeId, Op, Type};
 pub use differentiate::Differentiator;
 pub use enclose::{Bounds, Encloser, substitute};
-pub use function::{Function, Port};
+pub use function::{Function, Inputs, Port};

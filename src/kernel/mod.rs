@@ -11,12 +11,14 @@ pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod listing;
+pub mod records;
 pub mod tape;
 pub mod template;
 pub mod wgsl;
 pub mod work;
 
-use crate::expr::{Arena, Expr, Function, Port, Type};
+use self::records::{Marched, Query, Ray};
+use crate::expr::{Arena, Function, Port};
 use crate::graph::Schedule;
 
 /// One iterated system: what is carried, how it starts, the maps that iterate it, and what its end state says.
@@ -58,8 +60,8 @@ pub struct Estimator {
 
 /// An estimator called along rays until each has hit, missed or run out of steps.
 ///
-/// The estimator's outputs start with `de: number, inside: boolean`. `locate` takes the `RAY` ports and the `STATE`
-/// ports and gives [`Estimator::inputs`]; `advance` takes the same and `de, inside` and gives the new state.
+/// The estimator's outputs start with an [`Answer`](records::Answer). `locate` takes a [`Ray`] and a
+/// [`MarchState`](records::MarchState) and gives a [`Query`]; `advance` takes the same and the answer, and gives the new state.
 #[derive(Clone, Debug)]
 pub struct March {
     /// What is called.
@@ -83,40 +85,6 @@ pub enum Kernel {
     March(March),
 }
 
-/// Ports that describe a ray: origin, unit direction, and the range of its parameter.
-pub fn ray_ports() -> Vec<Port> {
-    vec![
-        Port::new("origin", Type::V3),
-        Port::new("direction", Type::V3),
-        Port::new("t_near", Type::F),
-        Port::new("t_far", Type::F),
-    ]
-}
-
-/// Names of [`march_output_ports`].
-const MARCH_OUTPUTS: [&str; 9] =
-    ["t", "t_front", "t_outside", "t_inside", "last_de", "status", "steps", "iterations", "nan"];
-/// How many of them are the state.
-const MARCH_STATE: usize = 6;
-
-/// Ports that change along a march. `t_front` is where the estimate fell below the hit threshold (where
-/// surfaces are looked at), `t_outside` and `t_inside` the last such points known (-1 before), `status` is 0 while it runs
-/// and one of [`Status`] after.
-pub fn march_state_ports() -> Vec<Port> {
-    MARCH_OUTPUTS[..MARCH_STATE].iter().map(|&name| Port::new(name, Type::F)).collect()
-}
-
-/// Columns that a march gives: its state, then `steps` (estimates made), `iterations` (of all of them) and `nan` (1 where
-/// an estimate was not a number).
-pub fn march_output_ports() -> Vec<Port> {
-    MARCH_OUTPUTS.map(|name| Port::new(name, Type::F)).to_vec()
-}
-
-/// The number of a column that a march gives.
-pub fn march_output(name: &str) -> Option<usize> {
-    MARCH_OUTPUTS.iter().position(|&known| known == name)
-}
-
 /// How a march ended, as its `status` column says it.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Status {
@@ -129,6 +97,9 @@ pub enum Status {
 }
 
 impl Status {
+    /// The number in the column while the march goes on.
+    pub const RUNNING: f64 = 0.0;
+
     /// The number in the column.
     pub const fn code(self) -> f64 {
         match self {
@@ -150,16 +121,21 @@ impl Status {
 }
 
 impl Estimator {
-    /// What goes in, all in world units: the point `p`, the unit direction `d` of the ray that asks, `h` (the step of
-    /// finite differences) and `hit_eps` (the hit threshold, which is how thick a shell counts). Elements whose `hit_eps`
-    /// is negative are not wanted and give anything.
+    /// What goes in: a [`Query`].
     pub fn inputs() -> Vec<Port> {
-        vec![Port::new("p", Type::V3), Port::new("d", Type::V3), Port::new("h", Type::F), Port::new("hit_eps", Type::F)]
+        Query::ports()
     }
 
     /// True when any part depends on input `number` of [`Estimator::inputs`].
     pub fn reads(&self, arena: &Arena, number: usize) -> bool {
         self.combine.reads(arena, number) || self.orbits.iter().any(|orbit| orbit.init.reads(arena, number))
+    }
+
+    /// The same estimator with one of its outputs alone, by number.
+    #[must_use]
+    pub fn only(mut self, output: usize) -> Estimator {
+        self.combine.outputs = vec![self.combine.outputs.swap_remove(output)];
+        self
     }
 
     /// Columns of [`Estimator::inputs`]. `directions` and `h` have an entry for each point, or one for all.
@@ -170,27 +146,6 @@ impl Estimator {
         columns.push(h.iter().copied().cycle().take(count).collect());
         columns.push(vec![hit_eps; count]);
         columns
-    }
-}
-
-/// [`Estimator::inputs`] as expressions, where they are a function's first inputs.
-#[derive(Clone, Copy)]
-pub struct EstimatorInputs<'g> {
-    /// Where, in world units.
-    pub p: Expr<'g>,
-    /// Unit direction of the ray.
-    pub d: Expr<'g>,
-    /// Step of finite differences.
-    pub h: Expr<'g>,
-    /// Hit threshold.
-    pub hit_eps: Expr<'g>,
-}
-
-impl<'g> EstimatorInputs<'g> {
-    /// The first four inputs of a function.
-    pub fn new(arena: &'g Arena) -> EstimatorInputs<'g> {
-        let number = |i| arena.input(i, Type::F);
-        EstimatorInputs { p: arena.input(0, Type::V3), d: arena.input(1, Type::V3), h: number(2), hit_eps: number(3) }
     }
 }
 
@@ -206,7 +161,7 @@ impl Kernel {
         match self {
             Kernel::Map(function) => function.inputs.clone(),
             Kernel::Estimate(_) => Estimator::inputs(),
-            Kernel::March(_) => ray_ports(),
+            Kernel::March(_) => Ray::ports(),
         }
     }
 
@@ -215,7 +170,7 @@ impl Kernel {
         match self {
             Kernel::Map(function) => function.output_ports(),
             Kernel::Estimate(estimator) => estimator.combine.output_ports(),
-            Kernel::March(_) => march_output_ports(),
+            Kernel::March(_) => Marched::ports(),
         }
     }
 }

@@ -7,11 +7,12 @@
 //! s^2 + s w k + w^2 = D^2. Where s is a small share of w the beam ends; its rays start there. Rays of a beam that left
 //! the bounding sphere have missed without an estimate of their own.
 
-use super::{Inputs, MarchSettings, ports};
+use super::{MarchSettings, Moment};
 use crate::compose::Plan;
-use crate::expr::{Arena, Expr, Function, Port, Type};
+use crate::expr::{Arena, Expr, Function};
 use crate::graph::Method;
-use crate::kernel::{Estimator, March, Status, march_state_ports};
+use crate::kernel::records::{Answer, MarchState, Query, UNKNOWN, is_unknown};
+use crate::kernel::{Estimator, March, Status};
 
 /// Share of a beam's radius that an advance is worth an estimate for.
 const USEFUL: f64 = 0.1;
@@ -52,53 +53,45 @@ pub fn compose_beam_march(arena: &Arena, estimator: Estimator, settings: &MarchS
 }
 
 /// The spread of a beam: one through the length of its direction.
-fn spread<'g>(ray: &Inputs<'g>) -> Expr<'g> {
-    1.0 / ray.direction.length()
+fn spread<'g>(now: &Moment<'g>) -> Expr<'g> {
+    1.0 / now.ray.direction.length()
 }
 
 /// The hit threshold of the rays at the beam's end.
-fn hit_eps<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
-    ray.t / spread(ray) * settings.pixel_radius + settings.hit_eps
+fn hit_eps<'g>(now: &Moment<'g>, settings: &MarchSettings) -> Expr<'g> {
+    now.state.t / spread(now) * settings.pixel_radius + settings.hit_eps
 }
 
 fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
-    let mut function = Function::new("locate", ports());
-    let ray = Inputs::new(arena);
-    let p = ray.origin + ray.direction * ray.t;
-    let spread = spread(&ray);
+    let (now, mut function) = Moment::locate(arena);
+    let p = now.point(now.state.t);
+    let spread = spread(&now);
     let h = match settings.certified {
-        true => proposal(&ray),
-        false => ray.difference(settings, p),
+        true => proposal(&now),
+        false => now.difference(settings, p),
     };
-    function.output("p", p);
-    function.output("d", ray.direction * spread);
-    function.output("h", h);
-    function.output("hit_eps", hit_eps(&ray, settings));
+    Query { p, d: now.ray.direction * spread, h, hit_eps: hit_eps(&now, settings) }.write(&mut function);
     function
 }
 
 /// How far the next proof is to reach.
-fn proposal<'g>(ray: &Inputs<'g>) -> Expr<'g> {
-    let is_first = ray.last_de.lt(ray.t.lift(0.0));
-    let first = (ray.t_far - ray.t_near) / spread(ray) * FIRST;
-    is_first.select(first, ray.last_de * PROPOSAL).max(ray.t * PROPOSAL)
+fn proposal<'g>(now: &Moment<'g>) -> Expr<'g> {
+    let Moment { ray, state } = now;
+    let is_first = is_unknown(state.last_de);
+    let first = (ray.t_far - ray.t_near) / spread(now) * FIRST;
+    is_first.select(first, state.last_de * PROPOSAL).max(state.t * PROPOSAL)
 }
 
 fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
-    let mut inputs = ports();
-    let first = inputs.len() as u16;
-    inputs.push(Port::new("de", Type::F));
-    inputs.push(Port::new("inside", Type::B));
-    let mut function = Function::new("advance", inputs);
-    let ray = Inputs::new(arena);
-    let (de, inside) = (arena.input(first, Type::F), arena.input(first + 1, Type::B));
+    let (now, Answer { de, inside }, mut function) = Moment::advance(arena);
+    let Moment { ray, state } = &now;
     let zero = arena.f(0.0);
     let usable = inside.select(zero, zero.le(de).select(de, zero));
     let certain = if settings.certified { 1.0 } else { settings.fudge * CAUTION };
-    let (w, spread) = (ray.t, spread(&ray));
+    let (w, spread) = (state.t, spread(&now));
     // Rays that stop at a threshold stop in front of what is empty.
     let free = match settings.stops_at_threshold {
-        true => (usable - hit_eps(&ray, settings)).max(zero),
+        true => (usable - hit_eps(&now, settings)).max(zero),
         false => usable,
     };
     let ball = free * certain;
@@ -112,18 +105,22 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     let mut last_de = usable;
     if settings.certified {
         // A proof that was to reach too far may prove little: it is tried again for less before the beam ends.
-        let tried = proposal(&ray);
+        let tried = proposal(&now);
         useless = useless.and(tried.le(w * LEAST_TRIED));
         last_de = last_de.max(tried * LESS);
     }
     let code = |status: Status| arena.f(status.code());
-    let status = miss.select(code(Status::Miss), useless.select(code(Status::Hit), ray.status));
+    let status = miss.select(code(Status::Miss), useless.select(code(Status::Hit), state.status));
     // Where estimates are too long a beam may end up inside the set; its rays start where it was outside, so that they
     // come to the surface from there.
-    let t = inside.select(ray.t_front, forward);
-    let next = [t, w, w, arena.f(-1.0), last_de, inside.select(code(Status::Hit), status)];
-    for (port, value) in march_state_ports().into_iter().zip(next) {
-        function.output(port.name, value);
-    }
+    let next = MarchState {
+        t: inside.select(state.t_front, forward),
+        t_front: w,
+        t_outside: w,
+        t_inside: arena.f(UNKNOWN),
+        last_de,
+        status: inside.select(code(Status::Hit), status),
+    };
+    next.write(&mut function);
     function
 }

@@ -9,9 +9,10 @@
 //! ray was walked over without proof and left again, or a hit was walked up to for longer than a footprint. The
 //! walk is that of estimates in smaller steps, so pictures are closed.
 
-use super::{BISECTION, Inputs, MarchSettings, least_gap};
-use crate::expr::{Expr, Function};
+use super::{BISECTION, MarchSettings, Moment, least_gap};
+use crate::expr::Expr;
 use crate::kernel::Status;
+use crate::kernel::records::{Answer, MarchState, UNKNOWN, is_known, is_unknown};
 
 /// What a proof that reached as far as it was to lets the next one try. More finds long stretches sooner, but a ball that
 /// is too large to prove anything wastes an orbit: with 2 bulbs of even power took a fifth more orbits.
@@ -73,17 +74,18 @@ pub(super) struct Stretch<'g> {
 }
 
 impl<'g> Stretch<'g> {
-    pub(super) fn new(ray: &Inputs<'g>, settings: &MarchSettings) -> Stretch<'g> {
-        let zero = ray.t.lift(0.0);
-        let bisects = zero.le(ray.t_inside);
-        let is_first = ray.t_outside.lt(zero).and(ray.t_inside.lt(zero));
+    pub(super) fn new(now: &Moment<'g>, settings: &MarchSettings) -> Stretch<'g> {
+        let Moment { ray, state } = now;
+        let zero = state.t.lift(0.0);
+        let bisects = is_known(state.t_inside);
+        let is_first = is_unknown(state.t_outside).and(is_unknown(state.t_inside));
         // Where nothing is ever proven a walk would not end.
-        let hit_eps = ray.hit_eps(settings);
-        let walked = is_first.select(zero, ray.t - ray.t_front);
+        let hit_eps = now.hit_eps(settings);
+        let walked = is_first.select(zero, state.t - state.t_front);
         let longer = (walked * (1.0 / AS_LONG)).min(hit_eps * LONGEST);
-        let walk = (hit_eps * settings.least_step).max(longer).max(least_gap(ray, settings));
+        let walk = (hit_eps * settings.least_step).max(longer).max(least_gap(now, settings));
         let first = (ray.t_far - ray.t_near) * FIRST;
-        let next = ray.last_de.abs().min((ray.t_far - ray.t) * REST);
+        let next = state.last_de.abs().min((ray.t_far - state.t) * REST);
         let least = walk * LEAST;
         let reach = is_first.select(first, next).max(least);
         let searches = reach.le(least).and(!is_first);
@@ -92,55 +94,56 @@ impl<'g> Stretch<'g> {
     }
 }
 
-/// The outputs of `advance` from the estimate of the ray's [`Stretch`]. `t_front` is where the present walk began; up to `t`
+/// The new state from the estimate of the ray's [`Stretch`]. `t_front` is where the present walk began; up to `t`
 /// everything is proven empty or was walked over, so `t_outside` is `t` unless the march bisects.
 pub(super) fn advance<'g>(
-    function: &mut Function,
-    ray: &Inputs<'g>,
+    now: &Moment<'g>,
     settings: &MarchSettings,
-    de: Expr<'g>,
-    inside: Expr<'g>,
-) {
-    let arena = ray.t.arena;
+    Answer { de, inside }: Answer<Expr<'g>>,
+) -> MarchState<Expr<'g>> {
+    let Moment { ray, state } = now;
+    let arena = state.t.arena;
     let zero = arena.f(0.0);
-    let hit_eps = ray.hit_eps(settings);
-    let Stretch { walk, is_first, bisects, searches, reach, ahead } = Stretch::new(ray, settings);
+    let hit_eps = now.hit_eps(settings);
+    let Stretch { walk, is_first, bisects, searches, reach, ahead } = Stretch::new(now, settings);
     let proven = zero.le(de).select(de, zero);
-    let at = ray.t + ahead;
+    let at = state.t + ahead;
 
     // A point far ahead that is inside is not the first one.
     let crossed = bisects.or(inside.and(searches.or(is_first)));
-    let t_inside = inside.and(crossed).select(at, ray.t_inside);
-    let t_outside = bisects.and(inside).or(is_first.and(inside)).select(ray.t_outside, ray.t);
+    let t_inside = inside.and(crossed).select(at, state.t_inside);
+    let t_outside = bisects.and(inside).or(is_first.and(inside)).select(state.t_outside, state.t);
     let middle = (t_inside + t_outside) * 0.5;
     let between = t_outside.lt(middle).and(middle.lt(t_inside));
     let narrow = (t_inside - t_outside).le(hit_eps * BISECTION).or(!between);
-    let hit = crossed.and(narrow.or(t_outside.lt(zero)));
+    let hit = crossed.and(narrow.or(is_unknown(t_outside)));
 
     let reaches = (!inside).and(ahead.le(proven)).and(!crossed);
     let walks = searches.and(!reaches).and(!crossed);
-    let forward = reaches.select(at + proven, walks.select(at, ray.t));
+    let forward = reaches.select(at + proven, walks.select(at, state.t));
     let miss = (!crossed).and(ray.t_far.le(forward));
     let t = hit.select(t_inside.max(ray.t_near), crossed.select(middle, forward.min(ray.t_far)));
 
     // A walk ends where a proof goes on, where the ray leaves, or at a hit that is too far from where it began.
-    let walked = ray.last_de.abs().lt(walk * (2.0 * WALKED)).and(!is_first);
-    let t_front = bisects.or(walked.and(walks.or(crossed))).select(ray.t_front, ray.t);
+    let walked = state.last_de.abs().lt(walk * (2.0 * WALKED)).and(!is_first);
+    let t_front = bisects.or(walked.and(walks.or(crossed))).select(state.t_front, state.t);
     let far_hit = hit.and((hit_eps * NEAR).lt(t - t_front));
-    let marked = ray.last_de.lt(zero).and(!is_first);
+    let marked = state.last_de.lt(zero).and(!is_first);
     let undecided = marked.or(walked.and(reaches)).or(miss.and(walks)).or(far_hit);
     let longer = (reach * WHOLE).le(proven).select(reach * LONGER, proven * AFTER_LESS);
     let shorter = inside.select(reach * NEARER, (proven * AGAIN).max(reach * SHRINK));
     let of_proof = reaches.select(longer, shorter).max(walk);
-    let size = crossed.select(ray.last_de.abs(), walks.select(walk * WALKED, of_proof));
+    let size = crossed.select(state.last_de.abs(), walks.select(walk * WALKED, of_proof));
 
     let code = |status: Status| arena.f(status.code());
-    let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), ray.status));
+    let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), state.status));
     let t_outside = crossed.select(t_outside, t);
-    function.output("t", t);
-    function.output("t_front", t_front);
-    function.output("t_outside", t_outside.max(arena.f(-1.0)));
-    function.output("t_inside", t_inside);
-    function.output("last_de", undecided.select(-(size + SIGNED_ZERO), size));
-    function.output("status", status);
+    MarchState {
+        t,
+        t_front,
+        t_outside: t_outside.max(arena.f(UNKNOWN)),
+        t_inside,
+        last_de: undecided.select(-(size + SIGNED_ZERO), size),
+        status,
+    }
 }

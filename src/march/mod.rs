@@ -20,9 +20,10 @@ pub use still::{compose_still, still_plan};
 
 use self::relaxed::Relaxed;
 use crate::compose::Plan;
-use crate::expr::{Arena, Expr, Function, Port, Type};
+use crate::expr::{Arena, Expr, Function, Inputs};
 use crate::graph::{DifferenceStep, LEAST_STEP, StopAt};
-use crate::kernel::{Estimator, March, Status, march_state_ports, ray_ports};
+use crate::kernel::records::{Answer, MarchState, Query, Ray, is_known, is_unknown};
+use crate::kernel::{Estimator, March, Status};
 use crate::math::Precision;
 
 /// How far rays go and when they stop.
@@ -103,45 +104,36 @@ impl MarchSettings {
 /// Share of the hit threshold that bisection narrows a hit down to.
 const BISECTION: f64 = 1.0 / 8.0;
 
-/// Expressions of a ray and its state, as inputs of `locate` and `advance`.
-struct Inputs<'g> {
-    origin: Expr<'g>,
-    direction: Expr<'g>,
-    t_near: Expr<'g>,
-    t_far: Expr<'g>,
-    t: Expr<'g>,
-    t_front: Expr<'g>,
-    t_outside: Expr<'g>,
-    t_inside: Expr<'g>,
-    last_de: Expr<'g>,
-    status: Expr<'g>,
+/// A ray and how far its march is, as inputs of `locate` and `advance`.
+struct Moment<'g> {
+    ray: Ray<Expr<'g>>,
+    state: MarchState<Expr<'g>>,
 }
 
-fn ports() -> Vec<Port> {
-    let mut ports = ray_ports();
-    ports.extend(march_state_ports());
-    ports
-}
+impl<'g> Moment<'g> {
+    fn read(inputs: &mut Inputs<'g>) -> Moment<'g> {
+        Moment { ray: Ray::read(inputs), state: MarchState::read(inputs) }
+    }
 
-impl<'g> Inputs<'g> {
-    fn new(arena: &'g Arena) -> Inputs<'g> {
-        let all: Vec<Expr> = ports().iter().enumerate().map(|(i, port)| arena.input(i as u16, port.ty)).collect();
-        Inputs {
-            origin: all[0],
-            direction: all[1],
-            t_near: all[2],
-            t_far: all[3],
-            t: all[4],
-            t_front: all[5],
-            t_outside: all[6],
-            t_inside: all[7],
-            last_de: all[8],
-            status: all[9],
-        }
+    /// The inputs of `locate`, and the function of them.
+    fn locate(arena: &'g Arena) -> (Moment<'g>, Function) {
+        let mut inputs = Inputs::new(arena);
+        (Moment::read(&mut inputs), inputs.function("locate"))
+    }
+
+    /// The inputs of `advance`, and the function of them.
+    fn advance(arena: &'g Arena) -> (Moment<'g>, Answer<Expr<'g>>, Function) {
+        let mut inputs = Inputs::new(arena);
+        (Moment::read(&mut inputs), Answer::read(&mut inputs), inputs.function("advance"))
+    }
+
+    /// The point of the ray at `t`.
+    fn point(&self, t: Expr<'g>) -> Expr<'g> {
+        self.ray.origin + self.ray.direction * t
     }
 
     fn hit_eps(&self, settings: &MarchSettings) -> Expr<'g> {
-        self.t * settings.pixel_radius + settings.hit_eps
+        self.state.t * settings.pixel_radius + settings.hit_eps
     }
 
     /// The step of finite differences at a point.
@@ -150,7 +142,7 @@ impl<'g> Inputs<'g> {
         let largest = sizes[0].max(sizes[1]).max(sizes[2]).max(p.arena.f(1.0));
         // A share of the last estimate is below 0, and the least step taken, before there is one.
         let wanted = match settings.difference_step {
-            DifferenceStep::Share(share) => self.last_de * share,
+            DifferenceStep::Share(share) => self.state.last_de * share,
             DifferenceStep::Fixed(step) => p.arena.f(step),
         };
         wanted.max(largest * settings.precision.min_difference())
@@ -170,86 +162,76 @@ pub fn compose_march(arena: &Arena, estimator: Estimator, settings: &MarchSettin
 
 /// The point to estimate at, the ray's direction, the step of finite differences there, and the hit threshold.
 fn compose_locate(arena: &Arena, settings: &MarchSettings) -> Function {
-    let mut function = Function::new("locate", ports());
-    let ray = Inputs::new(arena);
-    let stretch = settings.certified.then(|| certified::Stretch::new(&ray, settings));
-    let at = stretch.as_ref().map_or(ray.t, |stretch| ray.t + stretch.ahead);
-    let p = ray.origin + ray.direction * at;
-    function.output("p", p);
-    function.output("d", ray.direction);
-    let h = stretch.map_or_else(|| ray.difference(settings, p), |stretch| stretch.reach);
-    function.output("h", h);
-    function.output("hit_eps", ray.hit_eps(settings));
+    let (now, mut function) = Moment::locate(arena);
+    let stretch = settings.certified.then(|| certified::Stretch::new(&now, settings));
+    let at = stretch.as_ref().map_or(now.state.t, |stretch| now.state.t + stretch.ahead);
+    let p = now.point(at);
+    let h = stretch.map_or_else(|| now.difference(settings, p), |stretch| stretch.reach);
+    Query { p, d: now.ray.direction, h, hit_eps: now.hit_eps(settings) }.write(&mut function);
     function
 }
 
 /// The least step that any precision has at `t`.
-fn least_gap<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
-    ray.t * (2.0 * f64::from(f32::EPSILON)) + settings.precision.min_difference() * 0.01
+fn least_gap<'g>(now: &Moment<'g>, settings: &MarchSettings) -> Expr<'g> {
+    now.state.t * (2.0 * f64::from(f32::EPSILON)) + settings.precision.min_difference() * 0.01
 }
 
 /// How near to each other the ends of a bisection need to be, somewhere around `t`: there is always a number between farther ones.
-fn narrow_gap<'g>(ray: &Inputs<'g>, settings: &MarchSettings) -> Expr<'g> {
-    ray.t * (settings.pixel_radius * BISECTION).max(4.0 * settings.precision.epsilon()) + settings.hit_eps * BISECTION
+fn narrow_gap<'g>(now: &Moment<'g>, settings: &MarchSettings) -> Expr<'g> {
+    now.state.t * (settings.pixel_radius * BISECTION).max(4.0 * settings.precision.epsilon())
+        + settings.hit_eps * BISECTION
 }
 
 /// The new state of a ray from its state and the estimate at `t`.
 fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
-    let mut inputs = ports();
-    let first = inputs.len() as u16;
-    inputs.push(Port::new("de", Type::F));
-    inputs.push(Port::new("inside", Type::B));
-    let mut function = Function::new("advance", inputs);
-    let ray = Inputs::new(arena);
-    let de = arena.input(first, Type::F);
-    let inside = arena.input(first + 1, Type::B);
+    let (now, answer, mut function) = Moment::advance(arena);
     if settings.certified {
-        certified::advance(&mut function, &ray, settings, de, inside);
+        certified::advance(&now, settings, answer).write(&mut function);
         return function;
     }
+    let (Moment { state, ray }, Answer { de, inside }) = (&now, answer);
     let zero = arena.f(0.0);
-    let hit_eps = ray.hit_eps(settings);
+    let hit_eps = now.hit_eps(settings);
 
-    let t_inside = inside.select(ray.t, ray.t_inside);
-    let t_outside = inside.select(ray.t_outside, ray.t);
-    let crossed = zero.le(t_inside);
+    let t_inside = inside.select(state.t, state.t_inside);
+    let t_outside = inside.select(state.t_outside, state.t);
+    let crossed = is_known(t_inside);
 
     // Marching: forward by the estimate. A NaN estimate walks on. A step below the spacing of numbers at t, or of no length at
     // t = 0, would stand still: then the least step that any precision has is taken.
     let usable = zero.le(de).select(de, zero);
     let walk = hit_eps * settings.least_step;
-    let wanted = ray.t + (usable * settings.fudge).max(walk);
-    let forward = wanted.le(ray.t).select(ray.t + least_gap(&ray, settings), wanted);
-    let relaxed = Relaxed::new(&ray, settings, walk, usable);
-    let farther = relaxed.as_ref().map_or(forward, |relaxed| relaxed.farther(&ray, forward));
+    let wanted = state.t + (usable * settings.fudge).max(walk);
+    let forward = wanted.le(state.t).select(state.t + least_gap(&now, settings), wanted);
+    let relaxed = Relaxed::new(&now, settings, walk, usable);
+    let farther = relaxed.as_ref().map_or(forward, |relaxed| relaxed.farther(&now, forward));
     // Bisecting: to the middle, until the ends are near each other. A ray that starts inside hits there.
     let width = t_inside - t_outside;
     let middle = t_outside + width * 0.5;
-    let narrow = width.le(narrow_gap(&ray, settings)).or(t_outside.lt(zero));
+    let narrow = width.le(narrow_gap(&now, settings)).or(is_unknown(t_outside));
     let bisected = crossed.and(narrow);
     let below = usable.lt(hit_eps);
     // An estimate of 0 outside says that nothing is known.
     let near = settings.stops_at_threshold.then(|| below.and(zero.lt(de)).and(!inside));
     let hit = near.map_or(bisected, |near| near.or(bisected));
-    let t_inside = near.map_or(t_inside, |near| near.select(ray.t, t_inside));
+    let t_inside = near.map_or(t_inside, |near| near.select(state.t, t_inside));
     let goes_on = !near.map_or(crossed, |near| near.or(crossed));
     let miss = ray.t_far.le(forward).and(goes_on);
     let code = |status: Status| arena.f(status.code());
-    let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), zero));
+    let status = miss.select(code(Status::Miss), hit.select(code(Status::Hit), arena.f(Status::RUNNING)));
     let t = hit.select(t_inside, crossed.select(middle, farther.min(ray.t_far)));
     // The front stays where a walk under the threshold began.
-    let walking = below.and(ray.last_de.lt(hit_eps)).and(zero.le(ray.last_de));
+    let walking = below.and(state.last_de.lt(hit_eps)).and(is_known(state.last_de));
     let mut stays = crossed.or(walking);
-    let mut next = [t, ray.t, t_outside, t_inside, usable, status];
-    if let Some((back, t)) = relaxed.map(|relaxed| relaxed.back(&ray, settings, inside)) {
-        let here = [t, ray.t_front, ray.t_outside, ray.t_inside, ray.last_de, zero];
-        next.iter_mut().zip(here).for_each(|(next, here)| *next = back.select(here, *next));
+    let running = arena.f(Status::RUNNING);
+    let mut next = MarchState { t, t_front: state.t, t_outside, t_inside, last_de: usable, status };
+    if let Some((back, t)) = relaxed.map(|relaxed| relaxed.back(&now, settings, inside)) {
+        let here = MarchState { t, status: running, ..*state };
+        next = next.or(back, here);
         stays = stays.or(back);
     }
-    next[1] = stays.select(ray.t_front, ray.t);
-    for (port, value) in march_state_ports().into_iter().zip(next) {
-        function.output(port.name, value);
-    }
+    next.t_front = stays.select(state.t_front, state.t);
+    next.write(&mut function);
     function
 }
 
@@ -257,10 +239,19 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
 /// far it went.
 pub fn stop_at_crossing(arena: &Arena, march: &March) -> March {
     let mut advance = march.advance.clone();
-    let output = |name: &str| advance.outputs.iter().position(|(port, _)| port.name == name);
-    let [t_inside, status] = ["t_inside", "status"].map(|name| output(name).expect("a port of the march's state"));
-    let node = |at: usize| arena.expr(advance.outputs[at].1);
-    let crossed = arena.f(0.0).le(node(t_inside));
-    advance.outputs[status].1 = crossed.select(arena.f(Status::Hit.code()), node(status)).id;
+    let MarchState { t_inside, status, .. } = state_of(arena, &advance);
+    let crossed = is_known(t_inside);
+    set_status(&mut advance, crossed.select(arena.f(Status::Hit.code()), status));
     March { advance, ..march.clone() }
+}
+
+/// The state that an `advance` gives.
+fn state_of<'g>(arena: &'g Arena, advance: &Function) -> MarchState<Expr<'g>> {
+    // Every field is a number: its column is its output.
+    MarchState::COLUMNS.map(|output| arena.expr(advance.outputs[output].1))
+}
+
+/// Makes an `advance` give another status.
+fn set_status(advance: &mut Function, status: Expr) {
+    advance.outputs[MarchState::COLUMNS.status].1 = status.id;
 }

@@ -6,10 +6,11 @@
 //! by what is known now, or to where the first ball ends. Steps of a constant multiple are due to Keinert and others
 //! ("Enhanced Sphere Tracing", 2014), the slope to Ban and Valasek ("Automatic Step Size Relaxation in Sphere Tracing", 2023).
 
-use super::{Inputs, MarchSettings, least_gap};
+use super::{MarchSettings, Moment, least_gap};
 use crate::compose::Plan;
 use crate::expr::Expr;
 use crate::graph::Method;
+use crate::kernel::records::{is_known, is_unknown};
 
 /// Balls that a step is long at most; longer ones go back more often than they gain.
 const MOST: f64 = 2.0;
@@ -49,14 +50,14 @@ pub(super) struct Relaxed<'g> {
 
 impl<'g> Relaxed<'g> {
     /// Nothing where steps may not be longer. `walk` is the shortest step, `de` the estimate here.
-    pub(super) fn new(ray: &Inputs<'g>, settings: &MarchSettings, walk: Expr<'g>, de: Expr<'g>) -> Option<Relaxed<'g>> {
+    pub(super) fn new(now: &Moment<'g>, settings: &MarchSettings, walk: Expr<'g>, de: Expr<'g>) -> Option<Relaxed<'g>> {
         if settings.relaxation <= 1.0 {
             return None;
         }
         let (zero, one) = (walk.lift(0.0), walk.lift(1.0));
-        let last = zero.le(ray.last_de).select(ray.last_de, zero.lift(UNKNOWN));
+        let last = is_known(now.state.last_de).select(now.state.last_de, zero.lift(UNKNOWN));
         let (ball, last_ball) = (de * settings.fudge, last * settings.fudge);
-        let gap = (ray.t - ray.t_outside).max(walk * SLACK);
+        let gap = (now.state.t - now.state.t_outside).max(walk * SLACK);
         // Balls touch here if their radius goes on to change by the slope (ball - last_ball) / gap.
         let behind = (TRUSTED / settings.fudge).min(1.0);
         let length = (1.0 + behind) * CAUTION;
@@ -66,19 +67,19 @@ impl<'g> Relaxed<'g> {
     }
 
     /// Where to go instead of `forward`, the end of the ball.
-    pub(super) fn farther(&self, ray: &Inputs<'g>, forward: Expr<'g>) -> Expr<'g> {
-        self.walk.lt(self.ball).select(ray.t + self.ball * self.touching, forward)
+    pub(super) fn farther(&self, now: &Moment<'g>, forward: Expr<'g>) -> Expr<'g> {
+        self.walk.lt(self.ball).select(now.state.t + self.ball * self.touching, forward)
     }
 
     /// Whether the step to here was too long, and where to go back to then.
-    pub(super) fn back(&self, ray: &Inputs<'g>, settings: &MarchSettings, inside: Expr<'g>) -> (Expr<'g>, Expr<'g>) {
+    pub(super) fn back(&self, now: &Moment<'g>, settings: &MarchSettings, inside: Expr<'g>) -> (Expr<'g>, Expr<'g>) {
         // A step that the precision made longer, since a shorter one would stand still, is no step too long.
-        let plain = self.last_ball.max(self.walk).max(least_gap(ray, settings));
-        let was_longer = ray.t_inside.lt(ray.t.lift(0.0)).and((plain + self.walk * SLACK).lt(self.gap));
+        let plain = self.last_ball.max(self.walk).max(least_gap(now, settings));
+        let was_longer = is_unknown(now.state.t_inside).and((plain + self.walk * SLACK).lt(self.gap));
         let is_apart = inside.or((self.last_ball + self.ball * self.behind).lt(self.gap));
         let touch = self.last_ball * self.touching;
-        let t = ray.t_outside + inside.select(plain, touch.min(self.gap * SHORTER).max(plain));
+        let t = now.state.t_outside + inside.select(plain, touch.min(self.gap * SHORTER).max(plain));
         // Back means back, whatever is lost to rounding.
-        (was_longer.and(is_apart).and(t.lt(ray.t)), t)
+        (was_longer.and(is_apart).and(t.lt(now.state.t)), t)
     }
 }

@@ -4,10 +4,11 @@
 //! theirs, and it ends where the set is near enough to hide a good part of the sun's disc, which a point at
 //! distance s from the ray's start is where it is nearer to the ray than the disc's radius there.
 
-use super::{Inputs, MarchSettings, compose_march, ports, stop_at_crossing};
+use super::{MarchSettings, Moment, compose_march, set_status, state_of, stop_at_crossing};
 use crate::compose::Plan;
-use crate::expr::{Arena, Type};
+use crate::expr::Arena;
 use crate::graph::{LEAST_STEP, Method};
+use crate::kernel::records::Answer;
 use crate::kernel::{Estimator, March, Status};
 
 /// Radius of the sun's disc at distance 1.
@@ -56,12 +57,9 @@ pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &Marc
     if settings.certified {
         return march;
     }
-    let ray = Inputs::new(arena);
-    let de = arena.input(ports().len() as u16, Type::F);
-    let hidden = arena.f(0.0).le(de).and((de * settings.fudge).lt((ray.t - ray.t_near) * SUN_RADIUS));
-    let status =
-        march.advance.outputs.iter().position(|(port, _)| port.name == "status").expect("a march has a status");
-    let other = arena.expr(march.advance.outputs[status].1);
-    march.advance.outputs[status].1 = hidden.select(arena.f(Status::Hit.code()), other).id;
+    let (Moment { ray, state }, Answer { de, .. }, _) = Moment::advance(arena);
+    let hidden = arena.f(0.0).le(de).and((de * settings.fudge).lt((state.t - ray.t_near) * SUN_RADIUS));
+    let other = state_of(arena, &march.advance).status;
+    set_status(&mut march.advance, hidden.select(arena.f(Status::Hit.code()), other));
     march
 }

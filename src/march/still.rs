@@ -3,11 +3,12 @@
 //! A march of one step has the inputs, outputs and counts of any other, so that renderers, back ends and statistics need
 //! not know. Status is `Hit` where the point is inside, or cannot be told from one that is, else `Miss`; `last_de` is the estimate.
 
-use super::{Inputs, MarchSettings, ports};
+use super::{MarchSettings, Moment};
 use crate::compose::Plan;
-use crate::expr::{Arena, Function, Port, Type};
+use crate::expr::{Arena, Function};
 use crate::graph::Method;
-use crate::kernel::{Estimator, March, Status, march_state_ports};
+use crate::kernel::records::{Answer, MarchState, Query, UNKNOWN};
+use crate::kernel::{Estimator, March, Status};
 
 /// The plan for points that no ray goes through: where a method holds along a ray alone, or is a proof, its like in all
 /// directions takes its place.
@@ -30,12 +31,9 @@ pub fn still_plan(plan: &Plan) -> Plan {
 
 /// An estimator at the origins of rays.
 pub fn compose_still(arena: &Arena, estimator: Estimator, settings: &MarchSettings) -> March {
-    let mut locate = Function::new("locate", ports());
-    let ray = Inputs::new(arena);
-    locate.output("p", ray.origin);
-    locate.output("d", ray.direction);
-    locate.output("h", ray.difference(settings, ray.origin));
-    locate.output("hit_eps", arena.f(settings.hit_eps));
+    let (now, mut locate) = Moment::locate(arena);
+    let (p, d) = (now.ray.origin, now.ray.direction);
+    Query { p, d, h: now.difference(settings, p), hit_eps: arena.f(settings.hit_eps) }.write(&mut locate);
     March { estimator, locate, advance: compose_advance(arena, settings), max_march_steps: 1 }
 }
 
@@ -45,18 +43,17 @@ const INDISTINCT: f64 = 1e-3;
 
 /// The end of a ray, from its only estimate.
 fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
-    let mut inputs = ports();
-    let first = inputs.len() as u16;
-    inputs.extend([Port::new("de", Type::F), Port::new("inside", Type::B)]);
-    let mut function = Function::new("advance", inputs);
-    let ray = Inputs::new(arena);
-    let (de, inside) = (arena.input(first, Type::F), arena.input(first + 1, Type::B));
-    let inside = inside.or(!arena.f(settings.hit_eps * INDISTINCT).le(de));
-    let status = inside.select(arena.f(Status::Hit.code()), arena.f(Status::Miss.code()));
-    let (unknown, zero) = (arena.f(-1.0), arena.f(0.0));
-    let (outside, inside) = (inside.select(unknown, zero), inside.select(zero, unknown));
-    for (port, value) in march_state_ports().into_iter().zip([ray.t, ray.t, outside, inside, de, status]) {
-        function.output(port.name, value);
-    }
+    let (now, Answer { de, inside }, mut function) = Moment::advance(arena);
+    let is_in = inside.or(!arena.f(settings.hit_eps * INDISTINCT).le(de));
+    let (unknown, zero, t) = (arena.f(UNKNOWN), arena.f(0.0), now.state.t);
+    let next = MarchState {
+        t,
+        t_front: t,
+        t_outside: is_in.select(unknown, zero),
+        t_inside: is_in.select(zero, unknown),
+        last_de: de,
+        status: is_in.select(arena.f(Status::Hit.code()), arena.f(Status::Miss.code())),
+    };
+    next.write(&mut function);
     function
 }

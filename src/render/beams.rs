@@ -5,10 +5,10 @@
 //! beam starts where the one around it ended. The smallest hold as many rays as pay for their beam.
 
 use super::RenderSettings;
-use super::stats::column;
 use crate::compose::{Bounds, ComposeResult, Composer, Plan, Purpose, compose_estimator};
 use crate::film::Tile;
 use crate::graph::Camera;
+use crate::kernel::records::Marched;
 use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::{MarchSettings, beam_plan, compose_beam_march};
 use crate::shade::{self, pixel_radius};
@@ -192,7 +192,8 @@ impl<B: Backend> Beams<B> {
         let columns = [centre(|p| p.0), centre(|p| p.1), vec![spread; places.len()], begin];
         let rays = backend.run(&self.camera, &[&backend.upload(&columns)?])?;
         let ends = backend.run(&self.march, &[&rays])?;
-        let ends = backend.download_only(&ends, &["t", "status", "steps"].map(column))?;
+        let ends =
+            backend.download_only(&ends, &[Marched::COLUMNS.t, Marched::COLUMNS.status, Marched::COLUMNS.steps])?;
         let [t, status, steps] = [0, 1, 2].map(|i| &ends[i]);
         let end = |status: f64, w: f64| match Status::from_code(status) {
             Status::Miss => NOTHING,

@@ -7,12 +7,12 @@
 //! alone: always the CPU's, whatever the picture is rendered on.
 
 use super::beams::{Beams, NOTHING};
-use super::stats::column;
 use super::{BeamUse, Pipeline, RenderSettings};
 use crate::compose::Bounds;
 use crate::expr::Arena;
 use crate::graph::Camera;
 use crate::kernel::cpu::Cpu;
+use crate::kernel::records::Marched;
 use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::shade::{compose_camera, pixel_radius};
 
@@ -75,7 +75,7 @@ pub(super) fn box_holds(
     let depths = |bounds: &Bounds| {
         let camera = cpu.prepare(arena, &Kernel::Map(compose_camera(arena, camera, settings.size, bounds)))?;
         let hits = cpu.run(&march, &[&cpu.run(&camera, &[&columns])?])?;
-        let hits = cpu.download_only(&hits, &["t", "status"].map(column))?;
+        let hits = cpu.download_only(&hits, &[Marched::COLUMNS.t, Marched::COLUMNS.status])?;
         let depth = |i: usize| (Status::from_code(hits[1][i]) == Status::Hit).then_some(hits[0][i]);
         Ok((0..places.len()).map(depth).collect::<Vec<_>>())
     };
@@ -143,7 +143,7 @@ impl Trial<'_> {
         let columns = self.cpu.upload(&[x, y, starts])?;
         let rays = self.cpu.run(&self.begin, &[&columns])?;
         let hits = self.cpu.run(&self.march, &[&rays])?;
-        let hits = self.cpu.download_only(&hits, &["t", "status"].map(column))?;
+        let hits = self.cpu.download_only(&hits, &[Marched::COLUMNS.t, Marched::COLUMNS.status])?;
         let depth = |i: usize| {
             let is_hit = !are_nothing[i] && Status::from_code(hits[1][i]) == Status::Hit;
             is_hit.then_some(hits[0][i])

@@ -13,7 +13,8 @@ use crate::compose::{
 use crate::expr::Arena;
 use crate::graph::{Camera, IterationLimit, ValidGraph};
 use crate::kernel::cpu::Cpu;
-use crate::kernel::{Backend, Estimator, Kernel, Status, inwards, march_output_ports};
+use crate::kernel::records::{Answer, Marched, Ray};
+use crate::kernel::{Backend, Estimator, Kernel, inwards};
 use crate::march::{MarchSettings, compose_march};
 use crate::math::Precision;
 use crate::shade::{self, CameraFrame, Size, compose_camera, frame_automatically, pixel_radius};
@@ -117,14 +118,11 @@ fn hits(composer: &Composer, plan: &Plan, camera: &Camera, size: Size, grid: Siz
     };
     let rays = run(&camera_kernel, &[x, y]);
     let out = run(&march, &rays);
-    let ports = march_output_ports();
-    let column = |name: &str| &out[ports.iter().position(|p| p.name == name).expect("a port of the march")];
-    let (t, status) = (column("t"), column("status"));
-    let hit = |i: usize| {
-        let is_hit = Status::from_code(status[i]) == Status::Hit && t[i] > 0.0;
-        is_hit.then(|| (t[i], DVec3::from([0, 1, 2].map(|k| rays[k][i] + rays[3 + k][i] * t[i]))))
+    let hit = |(i, end): (usize, Marched<f64>)| {
+        let t = end.depth().filter(|t| *t > 0.0)?;
+        Some((t, DVec3::from(Ray::point(&rays, i, t))))
     };
-    Ok((0..t.len()).map(hit).collect())
+    Ok(Marched::of(&out).rays().enumerate().map(hit).collect())
 }
 
 /// Directions that a way out of the set is looked for in, besides backwards.
@@ -146,8 +144,7 @@ pub enum Standpoint {
 
 /// Says where a camera stands.
 pub fn standpoint(composer: &Composer, plan: &Plan, camera: &Camera) -> ComposeResult<Standpoint> {
-    let mut estimator = compose_estimator(composer, &plan.choices, Purpose::Estimate)?;
-    estimator.combine.outputs.retain(|(port, _)| port.name == "inside");
+    let estimator = compose_estimator(composer, &plan.choices, Purpose::Estimate)?.only(Answer::COLUMNS.inside);
     let cpu = Cpu::new(Precision::F64);
     let kernel = cpu.prepare(composer.arena, &Kernel::Estimate(estimator)).expect("the CPU takes every kernel");
     let inside = |points: &[[f64; 3]]| -> Vec<bool> {

@@ -117,9 +117,8 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let shadow_march = shadow_march.transpose()?.map(Kernel::March);
     let threshold = shade::Threshold { pixel_radius: march.pixel_radius, fixed: march.hit_eps };
     let skipped = if settings.plain { 0.0 } else { SKIPPED };
-    let sunlit = (sun, shade::surface_ports(look));
     let shadow_ray =
-        look.shadows.then(|| Kernel::Map(shade::compose_shadow_ray(arena, sunlit, threshold, &bounds, skipped)));
+        look.shadows.then(|| Kernel::Map(shade::compose_shadow_ray(arena, (sun, look), threshold, &bounds, skipped)));
     Ok(Pipeline {
         camera,
         bounds,

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 use super::beams::{Beams, Starts};
 use super::checked::beams_hold;
 use super::pixels::Pixels;
-use super::stats::column;
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
 use crate::film::{Tile, Window};
+use crate::kernel::records::Marched;
 use crate::kernel::{Backend, BackendError, Batch, Kernel, Results, Status, Wanted};
 use crate::shade::Size;
 
@@ -180,7 +180,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let pixels = Pixels::starting(pixels.iter().copied(), start);
         let rays = self.rays(&pixels, &[[0.5; 2]])?;
         let hits = self.backend.run(&self.march, &[&rays])?;
-        let columns = self.backend.download_only(&hits, &["t", "status"].map(column))?;
+        let columns = self.backend.download_only(&hits, &[Marched::COLUMNS.t, Marched::COLUMNS.status])?;
         let depth = |(&t, &status): (&f64, &f64)| (Status::from_code(status) == Status::Hit).then_some(t);
         Ok(columns[0].iter().zip(&columns[1]).map(depth).collect())
     }
@@ -346,7 +346,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         stats: &mut Stats,
         take: impl FnOnce(Results, &mut Stats) -> R,
     ) -> Result<R, BackendError> {
-        let (start, counted, steps) = (Instant::now(), stats.counted(), [column("steps")]);
+        let (start, counted, steps) = (Instant::now(), stats.counted(), [Marched::COLUMNS.steps]);
         let mut wanted = wanted;
         for (hits, shadows) in parts.iter().filter_map(|part| part.marches.as_ref()) {
             wanted.push((hits, &counted));

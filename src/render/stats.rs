@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use crate::kernel::{Compiling, Status, march_output};
+use crate::kernel::records::Marched;
+use crate::kernel::{Compiling, Status};
 use crate::march::is_undecided;
 
 /// What a render counted. Rays are the primary ones, all samples of all pixels.
@@ -78,8 +79,9 @@ impl Stats {
     /// The columns of a march's output that [`Stats::count`] takes; the status is the first.
     pub(super) fn counted(&self) -> Vec<usize> {
         // Only proofs are asked for the last estimate.
-        let last = self.undecided.map(|_| "last_de");
-        ["status", "steps", "iterations", "nan"].into_iter().chain(last).map(column).collect()
+        let Marched { last_de, status, steps, iterations, nan, .. } = Marched::COLUMNS;
+        let last = self.undecided.map(|_| last_de);
+        [status, steps, iterations, nan].into_iter().chain(last).collect()
     }
 
     /// Counts the marches of primary rays; `hits` are the columns [`Stats::counted`] of a march's output.
@@ -107,9 +109,4 @@ impl Stats {
             *undecided += rays.filter(is_open).count() as u64;
         }
     }
-}
-
-/// Column of a march's output.
-pub(super) fn column(name: &str) -> usize {
-    march_output(name).expect("the name is one of the march's ports")
 }

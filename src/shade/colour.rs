@@ -1,10 +1,10 @@
 //! Light and colour of a pixel, and its encoding for the film.
 
-use super::{CameraFrame, HitInputs, surface_ports};
+use super::{CameraFrame, Seen, is_hit, read_surface};
 use crate::compose::paint::{paint, usable_trap};
-use crate::expr::{Arena, Expr, Function, Port, Type};
+use crate::expr::{Arena, Expr, Function, Inputs};
 use crate::graph::Look;
-use crate::kernel::{Status, march_output_ports, ray_ports};
+use crate::kernel::records::{Colour, Marched, Painted};
 
 /// Steps of a march of proofs that count in full for occlusion; of more, only the logarithm does.
 const PLAIN_STEPS: f64 = 12.0;
@@ -18,39 +18,29 @@ pub fn compose_colour(
     bounding_radius: f64,
     by_proof: bool,
 ) -> Function {
-    let mut ports = ray_ports();
-    ports.extend(march_output_ports());
-    let surface_at = ports.len() as u16;
-    ports.extend(surface_ports(look));
-    let shadow_at = ports.len() as u16;
-    if look.shadows {
-        ports.extend(march_output_ports().into_iter().map(|p| Port::new(format!("shadow_{}", p.name), p.ty)));
-    }
-    let mut ray = HitInputs::new(arena, 0);
+    let mut inputs = Inputs::new(arena);
+    let mut seen = Seen::read(&mut inputs);
+    let (surface, painted) = read_surface(&mut inputs, look);
+    let shadow = look.shadows.then(|| Marched::read_as("shadow_", &mut inputs));
+    let mut function = inputs.function("colour");
     if by_proof {
-        ray.steps = (ray.steps * (1.0 / PLAIN_STEPS) + 1.0).ln() * PLAIN_STEPS;
+        seen.march.steps = (seen.march.steps * (1.0 / PLAIN_STEPS) + 1.0).ln() * PLAIN_STEPS;
     }
-    let trap = usable_trap(arena.input(surface_at + 1, Type::V4));
-    let normal = facing_normal(arena.input(surface_at, Type::V3), ray.direction);
-    let lit = look.shadows.then(|| {
-        let position = march_output_ports().iter().position(|p| p.name == "status").expect("a march has a status");
-        let status = arena.input(shadow_at + position as u16, Type::F);
-        status.equals(arena.f(Status::Hit.code())).select(arena.f(0.0), arena.f(1.0))
-    });
-    let albedo = match look.parts.is_empty() {
-        true => paint(look, &look.palette, trap, None),
-        false => arena.input(surface_at + 2, Type::V3),
+    let trap = usable_trap(surface.trap);
+    let normal = facing_normal(surface.gradient, seen.ray.direction);
+    let lit = shadow.map(|shadow| is_hit(shadow).select(arena.f(0.0), arena.f(1.0)));
+    let albedo = match painted {
+        None => paint(look, &look.palette, trap, None),
+        Some(Painted { albedo }) => albedo,
     };
-    let light = lighting(arena, look, frame, &ray, normal, trap, lit);
-    let background = background(arena, look, frame, ray.direction);
+    let light = lighting(arena, look, frame, &seen, normal, trap, lit);
+    let background = background(arena, look, frame, seen.ray.direction);
     let mut surface = albedo * light;
     if look.fog > 0.0 {
-        let kept = (ray.t * (-look.fog / bounding_radius)).exp();
+        let kept = (seen.march.t * (-look.fog / bounding_radius)).exp();
         surface = background.mix(surface, kept);
     }
-    let colour = ray.is_hit.select(tone_map(surface), background);
-    let mut function = Function::new("colour", ports);
-    function.output("colour", colour);
+    Colour { colour: seen.is_hit().select(tone_map(surface), background) }.write(&mut function);
     function
 }
 
@@ -71,7 +61,7 @@ fn lighting<'g>(
     arena: &'g Arena,
     look: &Look,
     frame: &CameraFrame,
-    ray: &HitInputs<'g>,
+    seen: &Seen<'g>,
     normal: Expr<'g>,
     trap: Expr<'g>,
     lit: Option<Expr<'g>>,
@@ -79,11 +69,11 @@ fn lighting<'g>(
     let zero = arena.f(0.0);
     let sun_direction = arena.v3(sun_direction(look, frame));
     let facing = normal.dot(sun_direction).max(zero);
-    let half = (sun_direction - ray.direction).normalize();
+    let half = (sun_direction - seen.ray.direction).normalize();
     let gloss = normal.dot(half).max(zero).powi(16) * 0.25;
     let direct = lit.map_or(facing, |lit| facing * lit);
     let sun = arena.v3(look.sun) * (direct * (gloss + 1.0));
-    let occlusion = occlusion(arena, look, ray, trap);
+    let occlusion = occlusion(arena, look, seen.march.steps, trap);
     let up = normal.dot(arena.v3(frame.up)) * 0.5 + 0.5;
     let sky = arena.v3(look.sky) * ((up * 0.8 + 0.2) * occlusion);
     let bounce = arena.v3(look.sun) * ((1.0 - up) * occlusion * 0.06);
@@ -92,11 +82,11 @@ fn lighting<'g>(
 
 /// How much of the sky a point sees, from what the march already knows: many steps mean narrow places, and an orbit
 /// that came near the origin means a deep one.
-fn occlusion<'g>(arena: &'g Arena, look: &Look, ray: &HitInputs<'g>, trap: Expr<'g>) -> Expr<'g> {
+fn occlusion<'g>(arena: &'g Arena, look: &Look, steps: Expr<'g>, trap: Expr<'g>) -> Expr<'g> {
     if look.occlusion == 0.0 {
         return arena.f(1.0);
     }
-    let by_steps = 1.0 / (ray.steps * ray.steps * (1.0 / 2400.0) + 1.0);
+    let by_steps = 1.0 / (steps * steps * (1.0 / 2400.0) + 1.0);
     let seen = match look.darkens_by_trap() {
         true => by_steps * (1.0 - (trap.component(0) * -6.0).exp() * 0.6),
         false => by_steps,
@@ -135,9 +125,10 @@ const SRGB_CURVE: [f64; 7] =
 /// Linear colours to bytes of sRGB (IEC 61966-2-1), all three in one number: red is worth 65536, green 256. What is not a number
 /// is 0.
 pub fn compose_encode(arena: &Arena) -> Function {
-    let mut function = Function::new("encode", vec![Port::new("colour", Type::V3)]);
+    let mut inputs = Inputs::new(arena);
+    let Colour { colour } = Colour::read(&mut inputs);
+    let mut function = inputs.function("encode");
     let (zero, one) = (arena.f(0.0), arena.f(1.0));
-    let colour = arena.input(0, Type::V3);
     let inside = colour.clamp(zero, one);
     let root = inside.max(arena.f(SRGB_LINE_END)).sqrt().sqrt();
     let [rest @ .., highest] = SRGB_CURVE;

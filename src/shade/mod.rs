@@ -13,9 +13,10 @@ pub use plane::{compose_plane_camera, compose_plane_colour, compose_plane_point,
 use serde::{Deserialize, Serialize};
 
 use crate::compose::{Bounds, Sides};
-use crate::expr::{Arena, Expr, Function, Port, Type};
+use crate::expr::{Arena, Expr, Function, Inputs};
 use crate::graph::{Camera, Look};
-use crate::kernel::{Status, march_output_ports, ray_ports};
+use crate::kernel::Status;
+use crate::kernel::records::{Beam, Begin, Colour, Marched, Painted, Pixel, Query, Ray, Surface};
 use crate::math::Precision;
 
 /// Picture geometry.
@@ -88,10 +89,10 @@ pub fn pixel_radius(camera: &Camera, size: Size) -> f64 {
 
 /// Pixel coordinates (`x` to the right, `y` down, centres at halves) to rays through the bounds.
 pub fn compose_camera(arena: &Arena, camera: &Camera, size: Size, bounds: &Bounds) -> Function {
-    let mut function = Function::new("camera", vec![Port::new("x", Type::F), Port::new("y", Type::F)]);
-    let (x, y) = (arena.input(0, Type::F), arena.input(1, Type::F));
-    let [origin, direction, near, far] = ray_through(arena, camera, size, bounds, [x, y]);
-    output_ray(&mut function, origin, direction, near, far);
+    let mut inputs = Inputs::new(arena);
+    let Pixel { x, y } = Pixel::read(&mut inputs);
+    let mut function = inputs.function("camera");
+    ray_through(arena, camera, size, bounds, [x, y]).write(&mut function);
     function
 }
 
@@ -99,42 +100,44 @@ pub fn compose_camera(arena: &Arena, camera: &Camera, size: Size, bounds: &Bound
 /// directions differ from its own by at most `spread`. It begins at distance `start`. What comes out is a ray whose
 /// parameter is the beam's radius (see [`crate::march::compose_beam_march`]): t times `spread`.
 pub fn compose_beam(arena: &Arena, camera: &Camera, size: Size, bounds: &Bounds) -> Function {
-    let mut function =
-        Function::new("beam", ["x", "y", "spread", "start"].map(|name| Port::new(name, Type::F)).to_vec());
-    let [x, y, spread, start] = [0, 1, 2, 3].map(|i| arena.input(i, Type::F));
+    let mut inputs = Inputs::new(arena);
+    let Beam { x, y, spread, start } = Beam::read(&mut inputs);
+    let mut function = inputs.function("beam");
     let direction = direction_of(arena, camera, size, x, y);
     // The farthest point of the bounds is this far away, so this far beside them may be the centre of a beam that touches
     // them.
     let farthest = glam::DVec3::from(camera.position).length() + bounds.radius;
     let (near, far) = range_within(bounds, arena.v3(camera.position), direction, spread * farthest);
-    let narrow = direction * (1.0 / spread);
-    output_ray(&mut function, arena.v3(camera.position), narrow, near.max(start) * spread, far * spread);
+    let (origin, direction) = (arena.v3(camera.position), direction * (1.0 / spread));
+    Ray { origin, direction, t_near: near.max(start) * spread, t_far: far * spread }.write(&mut function);
     function
 }
 
 /// The rays of [`compose_camera`], beginning no nearer than at `start`; a ray that ends before has an empty range.
 pub fn compose_begin(arena: &Arena, camera: &Camera, size: Size, bounds: &Bounds) -> Function {
-    let mut function = Function::new("begin", ["x", "y", "start"].map(|name| Port::new(name, Type::F)).to_vec());
-    let [x, y, start] = [0, 1, 2].map(|i| arena.input(i, Type::F));
-    let [origin, direction, near, far] = ray_through(arena, camera, size, bounds, [x, y]);
-    let is_over = far.le(start);
-    let (near, far) = (is_over.select(near, near.max(start)), is_over.select(arena.f(-1.0), far));
-    output_ray(&mut function, origin, direction, near, far);
+    let mut inputs = Inputs::new(arena);
+    let Begin { x, y, start } = Begin::read(&mut inputs);
+    let mut function = inputs.function("begin");
+    let ray = ray_through(arena, camera, size, bounds, [x, y]);
+    let is_over = ray.t_far.le(start);
+    let t_near = is_over.select(ray.t_near, ray.t_near.max(start));
+    let t_far = is_over.select(arena.f(Ray::NOWHERE), ray.t_far);
+    Ray { t_near, t_far, ..ray }.write(&mut function);
     function
 }
 
-/// The ray through a place of the picture: origin, direction, and where it is inside the bounds.
+/// The ray through a place of the picture, where it is inside the bounds.
 fn ray_through<'g>(
     arena: &'g Arena,
     camera: &Camera,
     size: Size,
     bounds: &Bounds,
     [x, y]: [Expr<'g>; 2],
-) -> [Expr<'g>; 4] {
+) -> Ray<Expr<'g>> {
     let direction = direction_of(arena, camera, size, x, y);
     let origin = arena.v3(camera.position);
-    let (near, far) = range_within(bounds, origin, direction, arena.f(0.0));
-    [origin, direction, near, far]
+    let (t_near, t_far) = range_within(bounds, origin, direction, arena.f(0.0));
+    Ray { origin, direction, t_near, t_far }
 }
 
 /// The unit direction through a place of the picture.
@@ -148,16 +151,13 @@ fn direction_of<'g>(arena: &'g Arena, camera: &Camera, size: Size, x: Expr<'g>, 
 
 /// Pixel coordinates, as [`compose_camera`] takes them, to the linear colour that a ray without a hit has.
 pub fn compose_background(arena: &Arena, look: &Look, camera: &Camera, size: Size) -> Function {
-    let mut function = Function::new("background", vec![Port::new("x", Type::F), Port::new("y", Type::F)]);
-    let direction = direction_of(arena, camera, size, arena.input(0, Type::F), arena.input(1, Type::F));
-    function.output("colour", colour::background(arena, look, &CameraFrame::new(camera), direction));
+    let mut inputs = Inputs::new(arena);
+    let Pixel { x, y } = Pixel::read(&mut inputs);
+    let mut function = inputs.function("background");
+    let direction = direction_of(arena, camera, size, x, y);
+    let colour = colour::background(arena, look, &CameraFrame::new(camera), direction);
+    Colour { colour }.write(&mut function);
     function
-}
-
-fn output_ray(function: &mut Function, origin: Expr, direction: Expr, near: Expr, far: Expr) {
-    for (port, e) in ray_ports().into_iter().zip([origin, direction, near, far]) {
-        function.output(port.name, e);
-    }
 }
 
 /// Where a ray is inside bounds that are larger by `wider`; an empty range where it misses them.
@@ -200,96 +200,91 @@ fn sphere_range<'g>(origin: Expr<'g>, direction: Expr<'g>, radius: Expr<'g>) -> 
     let half_sq = radius * radius - closest.dot(closest);
     let half = half_sq.max(zero).sqrt();
     let near = (middle - half).max(zero);
-    let far = half_sq.lt(zero).select(arena.f(-1.0), middle + half);
+    let far = half_sq.lt(zero).select(arena.f(Ray::NOWHERE), middle + half);
     (near, far)
 }
 
 /// Rays and march results to the points where surfaces are looked at: a hit threshold in front of the hit, so that
-/// normals are those of features about as large as a pixel. Other pixels get a negative `hit_eps`.
+/// normals are those of features about as large as a pixel. Of other pixels nothing is wanted.
 ///
 /// `precision` decides the least step of finite differences, as it does in marches.
 pub fn compose_surface_point(arena: &Arena, threshold: Threshold, precision: Precision) -> Function {
-    let mut ports = ray_ports();
-    ports.extend(march_output_ports());
-    let mut function = Function::new("surface_point", ports);
-    let ray = HitInputs::new(arena, 0);
-    let hit_eps = threshold.at(ray.t);
-    let t = ray.front(hit_eps);
-    function.output("p", ray.origin + ray.direction * t);
-    function.output("d", ray.direction);
-    function.output("h", (hit_eps * 0.1).max((ray.t * 0.1 + 1.0) * precision.min_difference()));
-    function.output("hit_eps", ray.is_hit.select(hit_eps, arena.f(-1.0)));
+    let mut inputs = Inputs::new(arena);
+    let seen = Seen::read(&mut inputs);
+    let mut function = inputs.function("surface_point");
+    let (ray, t, hit_eps) = (seen.ray, seen.march.t, threshold.at(seen.march.t));
+    let query = Query {
+        p: ray.origin + ray.direction * seen.front(hit_eps),
+        d: ray.direction,
+        h: (hit_eps * 0.1).max((t * 0.1 + 1.0) * precision.min_difference()),
+        hit_eps: seen.is_hit().select(hit_eps, arena.f(Query::NOT_WANTED)),
+    };
+    query.write(&mut function);
     function
 }
 
-/// Rays towards the sun, from hits whose surfaces have the ports `surface`. Their parameter starts at the hit's own, so that thresholds stay those of the pixel, and `skipped` hit
+/// Rays towards the sun, from hits as a look shows them. Their parameter starts at the hit's own, so that thresholds stay those of the pixel, and `skipped` hit
 /// thresholds further on: what is nearer than a footprint or two is part of the surface that the pixel shows.
 pub fn compose_shadow_ray(
     arena: &Arena,
-    (sun, surface): ([f64; 3], Vec<Port>),
+    (sun, look): ([f64; 3], &Look),
     threshold: Threshold,
     bounds: &Bounds,
     skipped: f64,
 ) -> Function {
-    let mut ports = ray_ports();
-    ports.extend(march_output_ports());
-    ports.extend(surface);
-    let mut function = Function::new("shadow_ray", ports);
-    let ray = HitInputs::new(arena, 0);
-    let first = (ray_ports().len() + march_output_ports().len()) as u16;
-    let normal = arena.input(first, Type::V3);
+    let mut inputs = Inputs::new(arena);
+    let seen = Seen::read(&mut inputs);
+    let (Surface { gradient: normal, .. }, _) = read_surface(&mut inputs, look);
+    let mut function = inputs.function("shadow_ray");
+    let (ray, t) = (seen.ray, seen.march.t);
     let sun_direction = arena.v3(sun);
-    let hit_eps = threshold.at(ray.t);
-    let start = ray.origin + ray.direction * ray.front(hit_eps) + normal * (hit_eps * 2.0);
+    let hit_eps = threshold.at(t);
+    let start = ray.origin + ray.direction * seen.front(hit_eps) + normal * (hit_eps * 2.0);
     let (_, far) = range_within(bounds, start, sun_direction, arena.f(0.0));
     let lit = arena.f(0.0).lt(normal.dot(sun_direction));
-    let wanted = ray.is_hit.and(lit).and(arena.f(0.0).lt(far));
-    let origin = start - sun_direction * ray.t;
-    let near = ray.t + hit_eps * skipped;
-    output_ray(&mut function, origin, sun_direction, near, wanted.select(ray.t + far, arena.f(-1.0)));
+    let wanted = seen.is_hit().and(lit).and(arena.f(0.0).lt(far));
+    let shadow = Ray {
+        origin: start - sun_direction * t,
+        direction: sun_direction,
+        t_near: t + hit_eps * skipped,
+        t_far: wanted.select(t + far, arena.f(Ray::NOWHERE)),
+    };
+    shadow.write(&mut function);
     function
 }
 
-/// What is known of surfaces: the outputs of a [`crate::compose::Purpose::Surface`].
-pub fn surface_ports(look: &Look) -> Vec<Port> {
-    let albedo = (!look.parts.is_empty()).then(|| Port::new("albedo", Type::V3));
-    [Port::new("gradient", Type::V3), Port::new("trap", Type::V4)].into_iter().chain(albedo).collect()
+/// What is known of surfaces, as further inputs: the outputs of a [`crate::compose::Purpose::Surface`]. Colours of their own have
+/// those of looks with parts.
+fn read_surface<'g>(inputs: &mut Inputs<'g>, look: &Look) -> (Surface<Expr<'g>>, Option<Painted<Expr<'g>>>) {
+    let surface = Surface::read(inputs);
+    (surface, (!look.parts.is_empty()).then(|| Painted::read(inputs)))
 }
 
-/// A ray and its march's result as inputs of a function.
-struct HitInputs<'g> {
-    origin: Expr<'g>,
-    direction: Expr<'g>,
-    t: Expr<'g>,
-    t_front: Expr<'g>,
-    is_hit: Expr<'g>,
-    steps: Expr<'g>,
-    last_de: Expr<'g>,
+/// A ray and what its march gave, as inputs of a function.
+struct Seen<'g> {
+    ray: Ray<Expr<'g>>,
+    march: Marched<Expr<'g>>,
 }
 
-impl<'g> HitInputs<'g> {
+impl<'g> Seen<'g> {
+    fn read(inputs: &mut Inputs<'g>) -> Seen<'g> {
+        Seen { ray: Ray::read(inputs), march: Marched::read(inputs) }
+    }
+
+    /// Whether the ray hit.
+    fn is_hit(&self) -> Expr<'g> {
+        is_hit(self.march)
+    }
+
     /// Where the surface is looked at: in front of the hit, where the estimate fell below the threshold, so that normals
     /// are those of features about as large as a pixel.
     fn front(&self, hit_eps: Expr<'g>) -> Expr<'g> {
-        self.t_front.max(self.t - hit_eps * 4.0).min(self.t - hit_eps)
+        let Marched { t, t_front, .. } = self.march;
+        t_front.max(t - hit_eps * 4.0).min(t - hit_eps)
     }
+}
 
-    fn new(arena: &'g Arena, first: u16) -> HitInputs<'g> {
-        let march = first + ray_ports().len() as u16;
-        let outputs = march_output_ports();
-        let column = |name: &str| {
-            let i = outputs.iter().position(|p| p.name == name).expect("the name is one of the march's ports");
-            arena.input(march + i as u16, Type::F)
-        };
-        let hit = arena.f(Status::Hit.code());
-        HitInputs {
-            origin: arena.input(first, Type::V3),
-            direction: arena.input(first + 1, Type::V3),
-            t: column("t"),
-            t_front: column("t_front"),
-            is_hit: column("status").equals(hit),
-            steps: column("steps"),
-            last_de: column("last_de"),
-        }
-    }
+/// Whether a march hit.
+fn is_hit(march: Marched<Expr<'_>>) -> Expr<'_> {
+    march.status.equals(march.status.lift(Status::Hit.code()))
 }

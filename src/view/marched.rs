@@ -1,12 +1,13 @@
 //! Marching the centre of every pixel, and what is asked about each of them.
 
 use super::View;
-use crate::check::truth::{Ray, Scale, Truths};
+use crate::check::truth::{self, Scale, Truths};
 use crate::compose::{ComposeResult, Composer, Purpose, compose_estimator};
 use crate::expr::Arena;
 use crate::film::tiles;
 use crate::kernel::cpu::Cpu;
-use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use crate::kernel::records::{Marched, Ray};
+use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::stop_at_crossing;
 use crate::math::Precision;
 use crate::render::Pipeline;
@@ -26,10 +27,10 @@ pub struct ViewKernels<'a> {
 }
 
 /// What the marches of all pixels gave. All lists are in the order of `pixels`.
-pub struct Marched {
+pub struct PixelMarches {
     /// Columns and rows.
     pub size: Size,
-    /// Columns of [`march_output_ports`].
+    /// Columns of [`Marched`].
     pub hits: Vec<Vec<f64>>,
     /// Where the first step behind the surface landed, as a depth; negative where there was none. Empty unless asked for.
     pub crossing: Vec<f64>,
@@ -65,7 +66,7 @@ impl<'a> ViewKernels<'a> {
         arena: &Arena,
         size: Size,
         progress: &mut dyn FnMut(f64),
-    ) -> Result<Marched, BackendError> {
+    ) -> Result<PixelMarches, BackendError> {
         let prepare = |kernel: &Kernel| backend.prepare(arena, kernel);
         let (camera, march) = (prepare(self.camera)?, prepare(self.march)?);
         let crossing = self.crossing.as_ref().map(prepare).transpose()?;
@@ -73,10 +74,9 @@ impl<'a> ViewKernels<'a> {
             Some((point, estimate)) => Some((prepare(point)?, prepare(estimate)?)),
             None => None,
         };
-        let ports = march_output_ports().len();
-        let mut marched = Marched {
+        let mut marched = PixelMarches {
             size,
-            hits: vec![Vec::new(); ports],
+            hits: vec![Vec::new(); Marched::WIDTH],
             crossing: Vec::new(),
             before: Vec::new(),
             decider: Vec::new(),
@@ -89,8 +89,9 @@ impl<'a> ViewKernels<'a> {
             marched.hits.iter_mut().zip(columns).for_each(|(all, part)| all.extend(part));
             if let Some(crossing) = &crossing {
                 let ends = backend.download(&backend.run(crossing, &[&rays])?)?;
-                marched.crossing.extend(&ends[column("t_inside")]);
-                marched.before.extend(&ends[column("t_outside")]);
+                let ends = Marched::of(&ends);
+                marched.crossing.extend(ends.t_inside);
+                marched.before.extend(ends.t_outside);
             }
             if let Some((point, estimate)) = &decision {
                 let points = backend.run(point, &[&rays, &hits])?;
@@ -103,15 +104,15 @@ impl<'a> ViewKernels<'a> {
     }
 }
 
-impl Marched {
-    /// A column of the march by its port's name.
-    pub fn column(&self, name: &str) -> &[f64] {
-        &self.hits[column(name)]
+impl PixelMarches {
+    /// What the marches gave.
+    pub fn ends(&self) -> Marched<&[f64]> {
+        Marched::of(&self.hits)
     }
 
     /// How the ray of a pixel ended.
     pub fn status(&self, i: usize) -> Status {
-        Status::from_code(self.column("status")[i])
+        self.ends().ray(i).end()
     }
 }
 
@@ -135,7 +136,8 @@ pub fn find_truths(
     };
     let columns = run().expect("the CPU runs every kernel");
     let vector = |first: usize, i: usize| [0, 1, 2].map(|k| columns[first + k][i]);
-    let rays: Vec<Ray> = (0..columns[0].len()).map(|i| (vector(0, i), vector(3, i))).collect();
+    let Ray { origin, direction, .. } = Ray::COLUMNS;
+    let rays: Vec<truth::Ray> = (0..columns[origin].len()).map(|i| (vector(origin, i), vector(direction, i))).collect();
     let scale = Scale::of_view(&pipeline.camera, size, pipeline.plan.bounding_radius);
     let mut told = |share: f64| {
         progress(share);
@@ -147,9 +149,4 @@ pub fn find_truths(
 fn centres(pixels: &[(u32, u32)]) -> Vec<Vec<f64>> {
     let coordinate = |of: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(of(p)) + 0.5).collect();
     vec![coordinate(|p| p.0), coordinate(|p| p.1)]
-}
-
-/// Column of a march's output.
-fn column(name: &str) -> usize {
-    march_output_ports().iter().position(|p| p.name == name).expect("the name is one of the march's ports")
 }

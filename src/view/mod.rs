@@ -12,7 +12,7 @@ mod marched;
 mod shown;
 
 pub use colour::{Axis, diverging, viridis};
-pub use marched::{Marched, ViewKernels, find_truths};
+pub use marched::{PixelMarches, ViewKernels, find_truths};
 pub use shown::{Class, Pixel, Shown, show};
 
 /// What a picture shows instead of light and colour.

@@ -2,11 +2,12 @@
 
 use super::View;
 use super::colour::{Axis, srgb};
-use super::marched::{Marched, pixels};
+use super::marched::{PixelMarches, pixels};
 use crate::check::truth::{Truth, Truths, ends};
 use crate::compose::{Composer, deciders};
 use crate::film::Image;
 use crate::kernel::Status;
+use crate::kernel::records::Marched;
 use crate::march::is_undecided;
 use crate::render::Pipeline;
 use crate::shade::Size;
@@ -78,13 +79,21 @@ fn class(name: &str, colour: u32) -> Class {
 }
 
 /// What a view shows. `truths` must be there for [`View::Error`], of the same pixels.
-pub fn show(view: View, composer: &Composer, pipeline: &Pipeline, marched: &Marched, truths: Option<&Truths>) -> Shown {
+pub fn show(
+    view: View,
+    composer: &Composer,
+    pipeline: &Pipeline,
+    marched: &PixelMarches,
+    truths: Option<&Truths>,
+) -> Shown {
     let footprint = |t: f64| 2.0 * pipeline.pixel_radius * t;
     let shown = match (view, truths) {
         (View::Error, Some(truths)) => errors(marched, truths),
         (View::Overshoot | View::Error, _) => overshoots(marched, footprint),
-        (View::Iterations, _) => costs(marched, "iterations", "Iterations of all estimates of a pixel's ray"),
-        (View::Steps, _) => costs(marched, "steps", "Estimates (march steps) of a pixel's ray"),
+        (View::Iterations, _) => {
+            costs(marched, Marched::COLUMNS.iterations, "Iterations of all estimates of a pixel's ray")
+        }
+        (View::Steps, _) => costs(marched, Marched::COLUMNS.steps, "Estimates (march steps) of a pixel's ray"),
         (View::Method, _) => methods(composer, pipeline, marched),
         (View::Confidence, _) if pipeline.plan.is_certified() => proofs(marched),
         (View::Confidence, _) => confidence(marched, footprint),
@@ -176,7 +185,7 @@ fn short(value: f64) -> String {
 }
 
 /// Depth errors against the truth.
-fn errors(marched: &Marched, truths: &Truths) -> Shown {
+fn errors(marched: &PixelMarches, truths: &Truths) -> Shown {
     let classes = vec![
         class("both miss", DARK),
         class("surface missed", YELLOW),
@@ -186,7 +195,7 @@ fn errors(marched: &Marched, truths: &Truths) -> Shown {
     let mut shown = Shown::new(marched.size, "Depth error against brute force, in footprints", classes);
     shown.axis = Some(Axis::Signed { near: NEAR, far: FAR });
     shown.ends = ["in front of the surface", "behind it"];
-    let t = marched.column("t");
+    let t = marched.ends().t;
     shown.pixels = (0..t.len())
         .map(|i| match (truths.depths[i], marched.status(i)) {
             (Truth::Ambiguous, _) => Pixel::Class(3),
@@ -207,16 +216,16 @@ fn errors(marched: &Marched, truths: &Truths) -> Shown {
 }
 
 /// How far behind the surface the first step landed that crossed it.
-fn overshoots(marched: &Marched, footprint: impl Fn(f64) -> f64) -> Shown {
+fn overshoots(marched: &PixelMarches, footprint: impl Fn(f64) -> f64) -> Shown {
     let classes = vec![class("no hit", DARK), class("unfinished", VERMILION), class("starts inside", GREY)];
     let title = "Overshoot: how far behind the surface the crossing step landed, in footprints";
     let mut shown = Shown::new(marched.size, title, classes);
     shown.axis = Some(Axis::Log { low: LEAST_OVERSHOOT, high: FAR });
-    let t = marched.column("t");
-    let outside = marched.column("t_outside");
+    let ends = marched.ends();
+    let t = ends.t;
     shown.pixels = (0..t.len())
         .map(|i| match marched.status(i) {
-            Status::Hit if outside[i] < 0.0 => Pixel::Class(2),
+            Status::Hit if ends.ray(i).begins_inside() => Pixel::Class(2),
             Status::Hit => Pixel::Value(overshoot(marched, i, footprint(t[i]))),
             Status::Miss => Pixel::Class(0),
             Status::Unfinished => Pixel::Class(1),
@@ -226,26 +235,26 @@ fn overshoots(marched: &Marched, footprint: impl Fn(f64) -> f64) -> Shown {
 }
 
 /// Footprints between a hit and where the step that crossed the surface landed.
-fn overshoot(marched: &Marched, i: usize, footprint: f64) -> f64 {
-    ((marched.crossing[i] - marched.column("t")[i]) / footprint).max(0.0)
+fn overshoot(marched: &PixelMarches, i: usize, footprint: f64) -> f64 {
+    ((marched.crossing[i] - marched.ends().t[i]) / footprint).max(0.0)
 }
 
 /// A count of the march.
-fn costs(marched: &Marched, column: &str, title: &str) -> Shown {
+fn costs(marched: &PixelMarches, column: usize, title: &str) -> Shown {
     let classes = vec![class("outside the bounding sphere", DARK)];
     let mut shown = Shown::new(marched.size, title, classes);
-    let (counts, steps) = (marched.column(column), marched.column("steps"));
+    let (counts, steps) = (marched.hits[column].as_slice(), marched.ends().steps);
     let pixel = |i: usize| if steps[i] > 0.0 { Pixel::Value(counts[i]) } else { Pixel::Class(0) };
     shown.pixels = (0..counts.len()).map(pixel).collect();
     shown.axis = Some(Axis::fit(&shown.values()));
     let sum = |of: &[f64]| of.iter().sum::<f64>();
-    let per = sum(marched.column("iterations")) / sum(steps).max(1.0);
+    let per = sum(marched.ends().iterations) / sum(steps).max(1.0);
     shown.facts = vec![("iterations".into(), format!("{per:.2} an estimate"))];
     shown
 }
 
 /// What the estimate in front of each hit came from.
-fn methods(composer: &Composer, pipeline: &Pipeline, marched: &Marched) -> Shown {
+fn methods(composer: &Composer, pipeline: &Pipeline, marched: &PixelMarches) -> Shown {
     let all = deciders(composer, &pipeline.plan.choices);
     let is_hit = |i: &usize| marched.status(*i) == Status::Hit;
     let number = |i: usize| (marched.decider[i] as usize).min(all.len().saturating_sub(1));
@@ -274,7 +283,7 @@ fn methods(composer: &Composer, pipeline: &Pipeline, marched: &Marched) -> Shown
 }
 
 /// What a march of proofs has proven.
-fn proofs(marched: &Marched) -> Shown {
+fn proofs(marched: &PixelMarches) -> Shown {
     let classes = vec![
         class("proven empty", DARK),
         class("hit, proven up to it", BLUE),
@@ -284,7 +293,7 @@ fn proofs(marched: &Marched) -> Shown {
         class("not a number on the way", PURPLE),
     ];
     let mut shown = Shown::new(marched.size, "What the march has proven", classes);
-    let [last, steps, nan] = ["last_de", "steps", "nan"].map(|name| marched.column(name));
+    let Marched { last_de: last, steps, nan, .. } = marched.ends();
     let class_of = |i: usize| match (marched.status(i), is_undecided(last[i], steps[i], marched.status(i))) {
         _ if nan[i] > 0.0 => 5,
         (Status::Unfinished, _) => 4,
@@ -298,7 +307,7 @@ fn proofs(marched: &Marched) -> Shown {
 }
 
 /// What a march of estimates knows about its answer; nothing of it is proven.
-fn confidence(marched: &Marched, footprint: impl Fn(f64) -> f64) -> Shown {
+fn confidence(marched: &PixelMarches, footprint: impl Fn(f64) -> f64) -> Shown {
     let classes = vec![
         class("no hit", DARK),
         class("hit, settled", BLUE),
@@ -309,7 +318,7 @@ fn confidence(marched: &Marched, footprint: impl Fn(f64) -> f64) -> Shown {
         class("not a number on the way", PURPLE),
     ];
     let mut shown = Shown::new(marched.size, "What the march knows about its answer", classes);
-    let [t, front, outside, nan] = ["t", "t_front", "t_outside", "nan"].map(|name| marched.column(name));
+    let Marched { t, t_front: front, nan, .. } = marched.ends();
     shown.pixels = (0..t.len())
         .map(|i| {
             let of = footprint(t[i]);
@@ -317,7 +326,7 @@ fn confidence(marched: &Marched, footprint: impl Fn(f64) -> f64) -> Shown {
                 _ if nan[i] > 0.0 => 6,
                 Status::Unfinished => 5,
                 Status::Miss => 0,
-                Status::Hit if outside[i] < 0.0 => 4,
+                Status::Hit if marched.ends().ray(i).begins_inside() => 4,
                 Status::Hit if overshoot(marched, i, of) > OVERSTEPPED => 3,
                 // A walk begins at the front and ends at the last point outside.
                 Status::Hit if marched.before[i] - front[i] > WALKED * of => 2,

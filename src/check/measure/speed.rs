@@ -6,7 +6,8 @@
 use std::time::{Duration, Instant};
 
 use crate::expr::Arena;
-use crate::kernel::{Backend, BackendError, march_output_ports};
+use crate::kernel::records::Marched;
+use crate::kernel::{Backend, BackendError};
 use crate::render::Pipeline;
 use crate::shade::Size;
 
@@ -138,12 +139,9 @@ pub fn march_speed<B: Backend>(
     let chosen = pixels(size, if timing.is_device { all } else { fit.max(FIRST_PIXELS) });
     let rays = rays(&chosen)?;
     let out = backend.download(&timed(&rays)?.1)?;
-    let sum = |name: &str| {
-        let column = march_output_ports().iter().position(|p| p.name == name).expect("the name is one of the ports");
-        out[column].iter().sum::<f64>()
-    };
+    let Marched { steps, iterations, .. } = Marched::of(&out).map(|column| column.iter().sum::<f64>());
     let times = Times::of(timing.enough, || timed(&rays).map(|(time, _)| time))?;
-    Ok(Speed { pixels: chosen.len(), estimates: sum("steps"), iterations: sum("iterations"), times })
+    Ok(Speed { pixels: chosen.len(), estimates: steps, iterations, times })
 }
 
 #[cfg(test)]

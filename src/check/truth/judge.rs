@@ -9,7 +9,8 @@ use crate::check::subject::Subject;
 use crate::compose::{Choice, ComposeResult, Composer, Purpose, compose_estimator};
 use crate::expr::Arena;
 use crate::kernel::cpu::Cpu;
-use crate::kernel::{Backend, BackendError, Kernel, Status, march_output_ports};
+use crate::kernel::records::Marched;
+use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::{MarchSettings, compose_march, is_undecided};
 use crate::math::Precision;
 use crate::render::{RenderSettings, compose_pipeline};
@@ -156,19 +157,15 @@ pub fn march_rays<B: Backend>(
 
 /// The ends of the first `count` rays from the columns of a march.
 pub fn ends(out: &[Vec<f64>], count: usize) -> Vec<End> {
-    let ports = march_output_ports();
-    let column = |name: &str| &out[ports.iter().position(|p| p.name == name).expect("a port of the march")];
-    let (t, status, steps) = (column("t"), column("status"), column("steps"));
-    let (iterations, nan, last_de) = (column("iterations"), column("nan"), column("last_de"));
-    let end = |i: usize| End {
-        status: Status::from_code(status[i]),
-        undecided: is_undecided(last_de[i], steps[i], Status::from_code(status[i])),
-        t: t[i],
-        estimates: steps[i] as u64,
-        iterations: iterations[i] as u64,
-        nan: nan[i] > 0.0,
+    let end = |march: Marched<f64>| End {
+        status: march.end(),
+        undecided: is_undecided(march.last_de, march.steps, march.end()),
+        t: march.t,
+        estimates: march.steps as u64,
+        iterations: march.iterations as u64,
+        nan: march.nan > 0.0,
     };
-    (0..count).map(end).collect()
+    Marched::of(out).rays().take(count).map(end).collect()
 }
 
 impl Truths {

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::compose::{Choice, ComposeResult, Composer, Purpose, compose_estimator};
 use crate::expr::{Arena, Function, NodeId, Port, Type};
 use crate::kernel::cpu::{Cpu, CpuKernel};
+use crate::kernel::records::{Answer, Query};
 use crate::kernel::work::Work;
 use crate::kernel::{Backend, Estimator, Kernel, Orbit};
 use crate::math::Precision;
@@ -12,10 +13,9 @@ use crate::math::Precision;
 /// The estimator of the whole field with `inside` and the number of iterations `n` as its only outputs: no derivative is carried. It is that of
 /// [`Purpose::Estimate`] or of [`Purpose::Truth`].
 pub fn compose_membership(composer: &Composer, choices: &[Choice], purpose: Purpose) -> ComposeResult<Kernel> {
-    let mut estimator = compose_estimator(composer, choices, purpose)?;
+    let mut estimator = compose_estimator(composer, choices, purpose)?.only(Answer::COLUMNS.inside);
     let arena = composer.arena;
     let combine = &mut estimator.combine;
-    combine.outputs.retain(|(port, _)| port.name == "inside");
     let mut next = Estimator::inputs().len();
     let mut iterations = arena.f(0.0);
     for orbit in &mut estimator.orbits {
@@ -116,8 +116,7 @@ impl Members {
     pub fn inside(&self, points: &[[f64; 3]], eps: &[f64]) -> Vec<bool> {
         // Where the point beside is: along no axis, since maps may leave a direction as it is.
         let mut columns = Estimator::columns(points, &[BESIDE], &[1e-6], 0.0);
-        columns.pop();
-        columns.push(eps.to_vec());
+        columns[Query::COLUMNS.hit_eps] = eps.to_vec();
         let columns = self.cpu.upload(&columns).expect("the CPU holds every column");
         let result = self.cpu.run(&self.kernel, &[&columns]).expect("the CPU runs every kernel");
         let result = self.cpu.download(&result).expect("the CPU holds every column");

@@ -31,6 +31,7 @@ use self::walk::Walker;
 use super::subject::sphere_range;
 use crate::compose::{Choice, ComposeResult, Composer};
 use crate::graph::Camera;
+use crate::kernel::records;
 use crate::math::random::Random;
 use crate::shade::{CameraFrame, Size, pixel_radius};
 
@@ -177,11 +178,8 @@ pub fn point((origin, direction): Ray, t: f64) -> [f64; 3] {
 
 /// Rays as the eight input columns of a march, clipped to the bounding sphere.
 pub fn ray_columns(rays: &[Ray], bounding_radius: f64) -> Vec<Vec<f64>> {
-    let mut columns = vec![Vec::new(); 8];
-    for (origin, direction) in rays {
-        let (near, far) = sphere_range(*origin, *direction, bounding_radius);
-        let values = origin.iter().chain(direction).copied().chain([near, far]);
-        columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
-    }
-    columns
+    records::Ray::columns(rays.iter().map(|&(origin, direction)| {
+        let (near, far) = sphere_range(origin, direction, bounding_radius);
+        (origin, direction, [near, far])
+    }))
 }

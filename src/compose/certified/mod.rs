@@ -30,7 +30,8 @@ use crate::formula::step::Traced;
 use crate::graph::{
     Constant, EndShape, Escape, IterationMap, Method, NO_ESCAPE, NodeRef, OrbitSettings, resolve_schedule,
 };
-use crate::kernel::{Estimator, EstimatorInputs, Orbit};
+use crate::kernel::records::Query;
+use crate::kernel::{Estimator, Orbit};
 use centre::Centre;
 use moved::{Context, Moved};
 use rounding::roundings;
@@ -189,10 +190,10 @@ impl<'a> Builder<'a> {
         finish
     }
 
-    /// The start as expressions of the [`EstimatorInputs`], and the start radius in world units.
+    /// The start as expressions of the [`Query`], and the start radius in world units.
     fn start(&self) -> ComposeResult<(Moved<'a>, Expr<'a>)> {
         let arena = self.composer.arena;
-        let EstimatorInputs { p, d, h, .. } = EstimatorInputs::new(arena);
+        let Query { p, d, h, .. } = Query::first(arena);
         let widen = |v: Expr<'a>, w: f64| {
             let parts = v.components();
             let embeds = self.settings.pre.iter().any(|node| self.composer.graph.embeds(*node));

@@ -2,14 +2,13 @@
 
 use super::interpret::{Machine, interpret, load_pack, store_pack};
 use super::tapes::{EstimatorTapes, OrbitTapes, TapeSet};
-use crate::expr::Port;
 use crate::expr::ops::Register;
-use crate::kernel::Estimator;
+use crate::kernel::records::Query;
 use crate::kernel::tape::Tape;
 use crate::math::{Pack, Real};
 
-/// Columns of a point; the last one is `hit_eps`.
-pub(super) const POINT: usize = 8;
+/// Columns of a point.
+pub(super) const POINT: usize = Query::WIDTH;
 
 /// Register files of one task.
 pub(super) struct Files<R: Real, const K: usize> {
@@ -53,7 +52,6 @@ pub(super) fn run_estimates<R: Machine + Pack, const K: usize>(
     inputs: &[&[R::Scalar]],
     outputs: &mut [&mut [R::Scalar]],
 ) {
-    debug_assert_eq!(POINT, Port::scalars(&Estimator::inputs()));
     let mut files = Files::<R, K>::new(token, tapes);
     let zero = R::splat(token, 0.0);
     let mut live = [zero; K];
@@ -63,7 +61,7 @@ pub(super) fn run_estimates<R: Machine + Pack, const K: usize>(
             *value = load_pack(token, column, at);
         }
         for k in 0..K {
-            live[k] = R::from_mask(token, zero.le(point[POINT - 1][k]));
+            live[k] = R::from_mask(token, zero.le(point[Query::COLUMNS.hit_eps][k]));
         }
         estimate::<R, K>(token, tapes, &mut files, &point, &live);
         for (column, &register) in outputs.iter_mut().zip(&tapes.combine.tapes[0].outputs) {
@@ -72,7 +70,7 @@ pub(super) fn run_estimates<R: Machine + Pack, const K: usize>(
     }
 }
 
-/// Estimates at a pack of points ([`Estimator::inputs`]); the results lie in the output registers of `combine`.
+/// Estimates at a pack of points (columns of a [`Query`]); the results lie in the output registers of `combine`.
 /// Lanes where `live` is 0 are not waited for. Returns the iterations of all orbits.
 #[inline(always)]
 pub(super) fn estimate<R: Machine + Pack, const K: usize>(

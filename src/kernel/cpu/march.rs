@@ -3,9 +3,9 @@
 use super::estimate::{Files, POINT, estimate};
 use super::interpret::{Machine, interpret, load_pack, store_pack};
 use super::tapes::MarchTapes;
-use crate::expr::Port;
 use crate::expr::ops::Register;
-use crate::kernel::{Status, march_output_ports, ray_ports};
+use crate::kernel::Status;
+use crate::kernel::records::{MarchState, Marched, Ray, UNKNOWN};
 use crate::math::Pack;
 
 /// Rays being marched: their columns, compacted as rays finish.
@@ -15,13 +15,13 @@ pub(super) struct Rays<T> {
 }
 
 /// Columns of [`Rays`]: ray, state, then counters.
-pub(super) const RAY: usize = 8;
-/// The column of near ends; that of far ends is the next.
-pub(super) const NEAR: usize = RAY - 2;
-pub(super) const STATE: usize = 6;
-pub(super) const STATUS: usize = RAY + STATE - 1;
-pub(super) const STEPS: usize = RAY + STATE;
-pub(super) const COLUMNS: usize = STEPS + 3;
+pub(super) const RAY: usize = Ray::WIDTH;
+/// The columns of near and far ends.
+pub(super) const ENDS: [usize; 2] = [Ray::COLUMNS.t_near, Ray::COLUMNS.t_far];
+pub(super) const STATE: usize = MarchState::WIDTH;
+pub(super) const STATUS: usize = RAY + Marched::COLUMNS.status;
+pub(super) const STEPS: usize = RAY + Marched::COLUMNS.steps;
+pub(super) const COLUMNS: usize = RAY + Marched::WIDTH;
 
 #[inline(always)]
 pub(super) fn run_march<R: Machine + Pack, const K: usize>(
@@ -32,8 +32,6 @@ pub(super) fn run_march<R: Machine + Pack, const K: usize>(
 ) where
     R::Scalar: Default,
 {
-    debug_assert_eq!(RAY, Port::scalars(&ray_ports()));
-    debug_assert_eq!(COLUMNS - RAY, Port::scalars(&march_output_ports()));
     let pack = R::LANES * K;
     let len = inputs[0].len();
     let mut rays = Rays::start(inputs, R::scalar);
@@ -83,7 +81,7 @@ pub(super) fn march_pack<R: Machine + Pack, const K: usize>(
     let status = locate[locate_tape.inputs[STATUS] as usize];
     let mut running = [R::splat(token, 0.0); K];
     for k in 0..K {
-        running[k] = R::from_mask(token, status[k].eq(R::splat(token, 0.0)));
+        running[k] = R::from_mask(token, status[k].eq(R::splat(token, Status::RUNNING)));
     }
     let iterations = estimate::<R, K>(token, &tapes.estimator, files, &point, &running);
     let combine = &tapes.estimator.combine.tapes[0];
@@ -116,20 +114,17 @@ pub(super) fn march_pack<R: Machine + Pack, const K: usize>(
     (at..end).filter(|&i| !rays.is_running(i)).count()
 }
 
-/// Puts rays at their near end: state and counters, column by column. -1 marks what no estimate has said yet. A ray whose
-/// range is empty has missed before it starts.
+/// Puts rays at their near end: the columns of a [`Marched`]. A ray whose range is empty has missed before it starts.
 #[inline(always)]
 pub(super) fn start<T: Copy + PartialOrd>([near, far]: [&[T]; 2], columns: &mut [&mut [T]], scalar: impl Fn(f64) -> T) {
-    let [zero, unknown, miss] = [0.0, -1.0, Status::Miss.code()].map(scalar);
-    let (state, counters) = columns.split_at_mut(STATE);
-    let [t, t_front, others @ .., status] = state else { unreachable!("a march's state has these columns") };
-    t.copy_from_slice(near);
-    t_front.copy_from_slice(near);
-    others.iter_mut().for_each(|column| column.fill(unknown));
-    for ((status, near), far) in status.iter_mut().zip(near).zip(far) {
-        *status = if near < far { zero } else { miss };
+    let [zero, unknown, running, miss] = [0.0, UNKNOWN, Status::RUNNING, Status::Miss.code()].map(scalar);
+    let Marched { t, t_front, t_outside, t_inside, last_de, status, steps, iterations, nan } = Marched::COLUMNS;
+    [t, t_front].into_iter().for_each(|column| columns[column].copy_from_slice(near));
+    [t_outside, t_inside, last_de].into_iter().for_each(|column| columns[column].fill(unknown));
+    for ((status, near), far) in columns[status].iter_mut().zip(near).zip(far) {
+        *status = if near < far { running } else { miss };
     }
-    counters.iter_mut().for_each(|column| column.fill(zero));
+    [steps, iterations, nan].into_iter().for_each(|column| columns[column].fill(zero));
 }
 
 impl<T: Copy + PartialOrd + Into<f64>> Rays<T> {
@@ -139,12 +134,12 @@ impl<T: Copy + PartialOrd + Into<f64>> Rays<T> {
         let mut columns: Vec<Vec<T>> = inputs.iter().map(|column| column.to_vec()).collect();
         columns.resize_with(COLUMNS, || vec![scalar(0.0); len]);
         let mut state: Vec<&mut [T]> = columns[RAY..].iter_mut().map(Vec::as_mut_slice).collect();
-        start([inputs[NEAR], inputs[NEAR + 1]], &mut state, scalar);
+        start(ENDS.map(|column| inputs[column]), &mut state, scalar);
         Rays { columns, ids: (0..len as u32).collect() }
     }
 
     pub(super) fn is_running(&self, i: usize) -> bool {
-        self.columns[STATUS][i].into() == 0.0
+        self.columns[STATUS][i].into() == Status::RUNNING
     }
 
     /// Writes out the rays that are done (all of them at the end) and moves the others together.

@@ -26,7 +26,8 @@ use std::fmt::Write as _;
 use function::{Helpers, members, write_function, write_struct};
 use number::{identifier, scalar, suffix};
 
-use super::{BackendError, Estimator, Kernel, March, Orbit, Status, march_state_ports, ray_ports};
+use super::records::{MarchState, Query, Ray, UNKNOWN};
+use super::{BackendError, Estimator, Kernel, March, Orbit, Status};
 use crate::expr::{Arena, Function, Port, Type};
 use crate::graph::Schedule;
 
@@ -192,8 +193,8 @@ impl Module<'_> {
         self.template(
             include_str!("../../../shaders/estimates.wgsl"),
             &[
-                ("HIT_EPS", (Port::scalars(&Estimator::inputs()) - 1).to_string()),
-                ("LOADS", loads("load", &Estimator::inputs()).join(", ")),
+                ("HIT_EPS", Query::COLUMNS.hit_eps.to_string()),
+                ("LOADS", loads("load", &Query::ports()).join(", ")),
                 ("COLUMNS", Port::scalars(&outputs).to_string()),
                 ("STORES", stores("result", &outputs)),
             ],
@@ -268,10 +269,10 @@ impl Module<'_> {
         self.estimate(&march.estimator);
         let locate = self.function(&march.locate);
         let advance = self.function(&march.advance);
-        let state = march_state_ports();
+        let state = MarchState::ports();
         let mut ray = Vec::new();
         let mut arguments = Vec::new();
-        for (load, port) in loads("load", &ray_ports()).iter().zip(ray_ports()) {
+        for (load, port) in loads("load", &Ray::ports()).iter().zip(Ray::ports()) {
             ray.push(format!("let ray_{} = {load};", identifier(&port.name)));
             arguments.push(format!("ray_{}", identifier(&port.name)));
         }
@@ -280,13 +281,19 @@ impl Module<'_> {
         let estimated = members(&march.estimator.combine.output_ports());
         arguments.extend(estimated[..2].iter().map(|member| format!("estimated.result.{member}")));
         // t and its front start at the near end; nothing else is known. A ray whose range is empty is over.
-        let missed = scalar(Status::Miss.code());
-        let unknown = "-1.0, -1.0, -1.0";
-        let start = format!("ray_t_near, ray_t_near, {unknown}, select({missed}, 0.0, ray_t_near < ray_t_far)");
+        let [missed, running, unknown] = [Status::Miss.code(), Status::RUNNING, UNKNOWN].map(scalar);
+        let start = MarchState {
+            t: "ray_t_near".to_string(),
+            t_front: "ray_t_near".to_string(),
+            t_outside: unknown.clone(),
+            t_inside: unknown.clone(),
+            last_de: unknown,
+            status: format!("select({missed}, {running}, ray_t_near < ray_t_far)"),
+        };
         self.template(
             include_str!("../../../shaders/march.wgsl"),
             &[
-                ("START", start),
+                ("START", start.values().join(", ")),
                 ("RAY", ray.join("\n")),
                 ("ADVANCE", advance),
                 ("STATE", loads("read_state", &state).join(", ")),
@@ -294,7 +301,7 @@ impl Module<'_> {
                 ("LOCATE_ARGUMENTS", locate_arguments),
                 ("ADVANCE_ARGUMENTS", arguments.join(", ")),
                 ("STORES", stores("state", &state)),
-                ("STEPS", Port::scalars(&state).to_string()),
+                ("STEPS", MarchState::WIDTH.to_string()),
             ],
         );
     }

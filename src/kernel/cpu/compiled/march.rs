@@ -5,7 +5,7 @@
 
 use super::{Compiled, Element, Frame};
 use crate::kernel::Status;
-use crate::kernel::cpu::march::{COLUMNS, NEAR, RAY, STATUS, STEPS, start};
+use crate::kernel::cpu::march::{COLUMNS, ENDS, RAY, STATUS, STEPS, start};
 
 impl Compiled {
     /// Marches rays of at most `limit` steps.
@@ -37,7 +37,7 @@ impl Compiled {
         let (lanes, len) = (LANES * K, inputs[0].len());
         let enough = lanes / 2 + 1;
         let mut left = Vec::with_capacity(len);
-        let [near, far] = [inputs[NEAR], inputs[NEAR + 1]];
+        let [near, far] = ENDS.map(|column| inputs[column]);
         let inputs: Vec<&[[[T; LANES]; K]]> = inputs.iter().map(|column| column.as_chunks().0.as_chunks().0).collect();
         // Loops, not closures: what is called with one is not made for AVX2, and calls it for every number.
         for at in 0..len / lanes {
@@ -105,7 +105,7 @@ fn start_lanes<T: Element, const LANES: usize, const K: usize>(columns: &mut [[[
     let mut state = state.iter_mut().map(|column| column.as_flattened_mut());
     let mut state: [&mut [T]; COLUMNS - RAY] =
         std::array::from_fn(|_| state.next().expect("a march has these columns"));
-    start([&ray[NEAR], &ray[NEAR + 1]].map(|column| column.as_flattened()), &mut state, T::from_f64);
+    start(ENDS.map(|column| ray[column].as_flattened()), &mut state, T::from_f64);
     state[STATUS - RAY].iter().filter(|&&status| status == T::default()).count()
 }
 
