@@ -13,7 +13,7 @@ use bulbfold::kernel::Backend;
 use bulbfold::kernel::cpu::Cpu;
 use bulbfold::load::load;
 use bulbfold::math::Precision;
-use bulbfold::render::{RenderSettings, compose_pipeline};
+use bulbfold::render::{RenderSettings, Role, compose_pipeline};
 use bulbfold::shade::Size;
 
 const FRACTALS: &[&str] = &["mandelbulb", "mandelbox", "box_bulb"];
@@ -37,8 +37,8 @@ fn bench_march<B: Backend>(bencher: divan::Bencher, name: &str, backend: &B) {
     let pixels: Vec<(u32, u32)> = bulbfold::film::tiles(settings.size).iter().flat_map(|tile| tile.pixels()).collect();
     let column = |f: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(f(p)) + 0.5).collect::<Vec<f64>>();
     let upload = backend.upload(&[column(|p| p.0), column(|p| p.1)]).expect("columns fit");
-    let camera = backend.prepare(&arena, &pipeline.camera_kernel).expect("kernels compile");
-    let march = backend.prepare(&arena, &pipeline.march).expect("kernels compile");
+    let camera = backend.prepare(&arena, pipeline.kernel(Role::Camera)).expect("kernels compile");
+    let march = backend.prepare(&arena, pipeline.kernel(Role::March)).expect("kernels compile");
     let rays = backend.run(&camera, &[&upload]).expect("kernels run");
     bencher.counter(divan::counter::ItemsCount::new(pixels.len())).bench_local(|| backend.run(&march, &[&rays]));
 }

@@ -1,23 +1,24 @@
 //! Many pictures with few kernels: the frames of an animation.
 //!
-//! In come the pipelines of all frames ([`Frames::add`]), each composed by itself. Kernels of the same name and structure are
+//! In come the pipelines of all frames ([`Frames::add`]), each composed by itself. Kernels of the same role and structure are
 //! compiled once and told apart by their uniforms (see [`template`](crate::kernel::template)), so an animated camera or
 //! parameter compiles nothing; a frame whose structure differs brings its own kernels, which [`FrameRenderer::compiled`] counts.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use crate::expr::Arena;
 use crate::kernel::template::{Joined, Templates};
 use crate::kernel::{Backend, BackendError};
-use crate::render::{Pipeline, RenderSettings, Renderer, Shape};
+use crate::render::{Pipeline, RenderSettings, Renderer, Role, Shape};
 
 /// Frames that are being gathered.
 #[derive(Default)]
 pub struct Frames {
-    templates: BTreeMap<&'static str, Templates>,
+    templates: BTreeMap<Role, Templates>,
     /// Frames of each kernel so far.
-    counts: BTreeMap<&'static str, usize>,
+    counts: BTreeMap<Role, usize>,
     frames: Vec<Frame>,
 }
 
@@ -25,12 +26,12 @@ pub struct Frames {
 struct Frame {
     shape: Shape,
     /// Its kernels, and its number among the frames that have them.
-    kernels: Vec<(&'static str, usize)>,
+    kernels: Vec<(Role, usize)>,
 }
 
 /// The kernels of all frames.
 pub struct JoinedFrames {
-    joined: BTreeMap<&'static str, Joined>,
+    joined: BTreeMap<Role, Joined>,
     frames: Vec<Frame>,
 }
 
@@ -38,10 +39,10 @@ impl Frames {
     /// Adds the next frame.
     pub fn add(&mut self, arena: &Arc<Arena>, pipeline: &Pipeline) {
         let mut kernels = Vec::new();
-        for (name, kernel) in pipeline.kernels() {
-            self.templates.entry(name).or_default().add(arena, kernel);
-            let count = self.counts.entry(name).or_default();
-            kernels.push((name, *count));
+        for pass in pipeline.passes.iter() {
+            self.templates.entry(pass.role).or_default().add(arena, &pass.kernel);
+            let count = self.counts.entry(pass.role).or_default();
+            kernels.push((pass.role, *count));
             *count += 1;
         }
         self.frames.push(Frame { shape: pipeline.shape(), kernels });
@@ -49,7 +50,7 @@ impl Frames {
 
     /// Joins the kernels of all frames.
     pub fn finish(self) -> JoinedFrames {
-        let joined = self.templates.into_iter().map(|(name, templates)| (name, templates.finish())).collect();
+        let joined = self.templates.into_iter().map(|(role, templates)| (role, templates.finish())).collect();
         JoinedFrames { joined, frames: self.frames }
     }
 }
@@ -65,9 +66,9 @@ impl JoinedFrames {
         self.frames.is_empty()
     }
 
-    /// Names of the kernels, and how many different ones the frames need.
+    /// Names of the roles, and how many different ones the frames need.
     pub fn families(&self) -> impl Iterator<Item = (&'static str, usize)> + '_ {
-        self.joined.iter().map(|(name, joined)| (*name, joined.families.len()))
+        self.joined.iter().map(|(role, joined)| (role.name(), joined.families.len()))
     }
 }
 
@@ -76,7 +77,7 @@ pub struct FrameRenderer<'a, B: Backend> {
     backend: &'a B,
     frames: &'a JoinedFrames,
     settings: &'a RenderSettings,
-    prepared: BTreeMap<(&'static str, usize), B::Prepared>,
+    prepared: BTreeMap<(Role, usize), B::Prepared>,
 }
 
 impl<'a, B: Backend> FrameRenderer<'a, B> {
@@ -95,15 +96,16 @@ impl<'a, B: Backend> FrameRenderer<'a, B> {
         let (backend, frames, prepared) = (self.backend, self.frames, &mut self.prepared);
         let frame = &frames.frames[number];
         Renderer::with_kernels(backend, self.settings, &frame.shape, |wanted| {
-            let Some(&(name, at)) = frame.kernels.iter().find(|(name, _)| *name == wanted) else { return Ok(None) };
-            let joined = &frames.joined[name];
+            let own = frame.kernels.iter().find(|(role, _)| *role == wanted);
+            let &(role, at) = own.expect("a frame has the kernels of its passes");
+            let joined = &frames.joined[&role];
             let own = &joined.frames[at];
-            let key = (name, own.family);
-            if let std::collections::btree_map::Entry::Vacant(entry) = prepared.entry(key) {
+            let key = (role, own.family);
+            if let Entry::Vacant(entry) = prepared.entry(key) {
                 let family = &joined.families[own.family];
                 entry.insert(backend.prepare(&family.arena, &family.kernel)?);
             }
-            backend.bind(&prepared[&key], &own.uniforms).map(Some)
+            backend.bind(&prepared[&key], &own.uniforms)
         })
     }
 }

@@ -4,15 +4,14 @@
 //! footprints against the spacing of numbers where the rays hit. A footprint is a pixel's diameter at the hit.
 
 use crate::expr::Arena;
+use crate::kernel::BackendError;
 use crate::kernel::cpu::Cpu;
-use crate::kernel::records::{Marched, Ray};
-use crate::kernel::{Backend, BackendError};
 use crate::math::Precision;
-use crate::render::Pipeline;
+use crate::render::{Marches, Pipeline, passes};
 use crate::shade::{self, Size};
 
 /// Columns and rows of the rays that are marched.
-const GRID: (u32, u32) = (24, 14);
+const GRID: Size = Size { width: 24, height: 14 };
 /// The hit that decides is the nearest but this share: single pixels may stay coarse.
 const SHARE: f64 = 0.1;
 
@@ -69,20 +68,9 @@ pub fn resolution(arena: &Arena, pipeline: &Pipeline, size: Size) -> Resolution 
 
 /// Depths and points of the hits of an even grid of pixels; a camera in the set hits nothing.
 fn march(arena: &Arena, pipeline: &Pipeline, size: Size) -> Result<Vec<(f64, [f64; 3])>, BackendError> {
-    let (columns, rows) = (GRID.0.min(size.width), GRID.1.min(size.height));
-    let place = |i: u32, of: u32, edge: u32| (f64::from(i) + 0.5) / f64::from(of) * f64::from(edge);
-    let grid = || (0..rows).flat_map(|j| (0..columns).map(move |i| (i, j)));
-    let x = Vec::from_iter(grid().map(|(i, _)| place(i, columns, size.width)));
-    let y = Vec::from_iter(grid().map(|(_, j)| place(j, rows, size.height)));
+    let grid = Size { width: GRID.width.min(size.width), height: GRID.height.min(size.height) };
     let cpu = Cpu::new(Precision::F64);
-    let camera = cpu.prepare(arena, &pipeline.camera_kernel)?;
-    let kernel = cpu.prepare(arena, &pipeline.march)?;
-    let rays = cpu.run(&camera, &[&cpu.upload(&[x, y])?])?;
-    let out = cpu.download(&cpu.run(&kernel, &[&rays])?)?;
-    let rays = cpu.download(&rays)?;
-    let hit = |(i, end): (usize, Marched<f64>)| {
-        let t = end.depth().filter(|t| !end.begins_inside() && *t > 0.0)?;
-        Some((t, Ray::point(&rays, i, t)))
-    };
-    Ok(Marched::of(&out).rays().enumerate().filter_map(hit).collect())
+    let ends = Marches::new(&cpu, arena, &pipeline.passes)?.run(&cpu, &passes::grid(grid, size))?;
+    let hits = ends.hits().zip(ends.marched().rays());
+    Ok(hits.filter(|(_, end)| !end.begins_inside()).filter_map(|(hit, _)| hit).collect())
 }

@@ -14,7 +14,7 @@ use bulbfold::graph::{EstimateSettings, LEAST_STEP, Method};
 use bulbfold::kernel::Backend;
 use bulbfold::kernel::gpu::{AdapterWanted, Gpu, GpuColumns, GpuKernel};
 use bulbfold::load::load;
-use bulbfold::render::{Pipeline, RenderSettings, compose_pipeline};
+use bulbfold::render::{Pipeline, RenderSettings, Role, compose_pipeline};
 use bulbfold::shade::Size;
 
 const SIZE: Size = Size { width: 640, height: 480 };
@@ -43,10 +43,10 @@ fn main() {
         let pipeline = pipeline(&arena, name, size);
         let pixels: Vec<(u32, u32)> = bulbfold::film::tiles(size).iter().flat_map(|tile| tile.pixels()).collect();
         let column = |f: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(f(p)) + 0.5).collect::<Vec<f64>>();
-        let camera = gpu.prepare(&arena, &pipeline.camera_kernel).expect("kernels compile");
+        let camera = gpu.prepare(&arena, pipeline.kernel(Role::Camera)).expect("kernels compile");
         let pixels = gpu.upload(&[column(|p| p.0), column(|p| p.1)]).expect("columns fit");
         let rays = gpu.run(&camera, &[&pixels]).expect("kernels run");
-        let generated = gpu.prepare(&arena, &pipeline.march).expect("kernels compile");
+        let generated = gpu.prepare(&arena, pipeline.kernel(Role::March)).expect("kernels compile");
         let columns = gpu.download(&rays).expect("rays download");
         let by_hand = ByHand::new(wgsl, &columns, pipeline.pixel_radius, 64);
         compare(name, rounds, &gpu, &generated, &rays, &by_hand);

@@ -8,13 +8,14 @@
 use crate::compose::Composer;
 use crate::diag::Diagnostic;
 use crate::graph::{EstimateSettings, Method};
+use crate::kernel::BackendError;
 use crate::kernel::cpu::Cpu;
 use crate::kernel::records::Marched;
-use crate::kernel::{Backend, BackendError, Kernel};
 use crate::march::is_undecided;
 use crate::math::Precision;
 use crate::math::random::Random;
-use crate::render::{Pipeline, RenderSettings, compose_pipeline};
+use crate::render::passes::centres;
+use crate::render::{Marches, Pipeline, RenderSettings, compose_pipeline};
 
 /// Rays that are marched at once, between two reports of progress.
 const BATCH: usize = 512;
@@ -125,14 +126,7 @@ fn march_pixels(
     pixels: &[(u32, u32)],
 ) -> Result<Vec<Vec<f64>>, BackendError> {
     let cpu = Cpu::new(Precision::F64);
-    let run = |kernel: &Kernel, columns: &[Vec<f64>]| {
-        let prepared = cpu.prepare(composer.arena, kernel)?;
-        let columns = cpu.upload(columns)?;
-        cpu.download(&cpu.run(&prepared, &[&columns])?)
-    };
-    let x = pixels.iter().map(|p| f64::from(p.0) + 0.5).collect();
-    let y = pixels.iter().map(|p| f64::from(p.1) + 0.5).collect();
-    run(&pipeline.march, &run(&pipeline.camera_kernel, &[x, y])?)
+    Ok(Marches::new(&cpu, composer.arena, &pipeline.passes)?.run(&cpu, &centres(pixels))?.ends)
 }
 
 impl Audit {

@@ -17,7 +17,7 @@ use bulbfold::kernel::cost::MarchCost;
 use bulbfold::kernel::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use bulbfold::kernel::gpu::{AdapterWanted, Gpu};
-use bulbfold::kernel::{Backend, BackendError, Kernel};
+use bulbfold::kernel::{Backend, BackendError};
 use bulbfold::math::Precision;
 use bulbfold::render::{Pipeline, RenderSettings, Renderer, compose_planned};
 use bulbfold::shade::Size;
@@ -309,7 +309,7 @@ impl Bench<'_> {
 
     fn row(&self, composer: &Composer, plan: &Plan, engine: Engine, enough: Duration) -> Result<Row, Failure> {
         let (_, pipeline) = self.pipeline(composer, plan, engine.precision())?;
-        let Kernel::March(march) = &pipeline.march else { unreachable!("a picture's march is a march") };
+        let march = pipeline.march();
         let cost = MarchCost::of(composer.arena, march);
         let size = self.arguments.size;
         let (backend, speed) = match engine.cpu() {

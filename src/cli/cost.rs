@@ -6,8 +6,8 @@ use std::sync::Arc;
 use bulbfold::compose::{ComposeResult, Composer, IterationParts, field_orbits, iteration_parts};
 use bulbfold::expr::ops::{Operator, OperatorKind};
 use bulbfold::expr::{Arena, Function};
+use bulbfold::kernel::Orbit;
 use bulbfold::kernel::cost::{Cost, MarchCost, in_cycle};
-use bulbfold::kernel::{Kernel, Orbit};
 use bulbfold::render::Pipeline;
 
 /// Width of the first column.
@@ -18,9 +18,7 @@ const BARE_STEPS: &str = "Steps stand without the bounds that a proof carries: o
 
 /// The table of a picture's march. Errors are a step's.
 pub fn table(composer: &Composer, pipeline: &Pipeline) -> ComposeResult<String> {
-    let Kernel::March(march) = &pipeline.march else {
-        return Ok(String::new());
-    };
+    let march = pipeline.march();
     let mut text = String::new();
     let orbits = field_orbits(composer);
     let written = Arc::new(Arena::as_written());

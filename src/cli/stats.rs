@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bulbfold::calibrate::Calibration;
 use bulbfold::compose::{Choice, Plan};
-use bulbfold::kernel::{Compiling, Kernel};
+use bulbfold::kernel::Compiling;
 use bulbfold::render::{Pipeline, RenderSettings, Stats};
 use serde_json::{Map, Value, json};
 
@@ -41,10 +41,7 @@ impl Report<'_> {
 
     /// Iterations that the orbits have at most: the file's, or those of the view.
     fn limits(&self) -> Vec<u32> {
-        match &self.pipeline.march {
-            Kernel::March(march) => march.estimator.orbits.iter().map(|orbit| orbit.max_iterations).collect(),
-            _ => Vec::new(),
-        }
+        self.pipeline.march().estimator.orbits.iter().map(|orbit| orbit.max_iterations).collect()
     }
 
     /// Where the time of the render went.

@@ -116,7 +116,7 @@ pub fn run(
         let mut pipeline = pipeline.map_err(|diagnostic| session.failure(diagnostic))?;
         let hold = beams_hold(&arena, &pipeline, &settings);
         if !hold.map_err(|error| Failure::Work(message(&error.to_string(), "")))? {
-            pipeline.beams = None;
+            pipeline.drop_beams();
         }
         gathered.add(&arena, &pipeline);
         composing += begun.elapsed();

@@ -5,6 +5,7 @@
 //! beam starts where the one around it ended. The smallest hold as many rays as pay for their beam.
 
 use super::RenderSettings;
+use super::passes::{Chain, Pass, Passes, Role, Slot};
 use crate::compose::{Bounds, ComposeResult, Composer, Plan, Purpose, compose_estimator};
 use crate::film::Tile;
 use crate::graph::Camera;
@@ -22,20 +23,6 @@ pub const NOTHING: f64 = 1e30;
 /// Share by which beams are wider than their tiles, for rounding.
 const WIDER: f64 = 1e-3;
 
-/// The kernels of beams.
-pub struct BeamKernels {
-    /// Tiles to beams.
-    pub camera: Kernel,
-    /// Beams to their ends.
-    pub march: Kernel,
-    /// Pixel coordinates and starts to rays.
-    pub begin: Kernel,
-    /// Pixel coordinates to the linear colours of pixels where nothing is.
-    pub background: Kernel,
-    /// The tiles that beams are for.
-    pub tiles: BeamTiles,
-}
-
 /// Tiles of a picture.
 #[derive(Clone, Debug)]
 pub struct BeamTiles {
@@ -45,43 +32,37 @@ pub struct BeamTiles {
     edges: Vec<u32>,
 }
 
-impl BeamKernels {
-    /// The kernels for a plan's rays within bounds, marched as `march` says; `None` where estimates hold along their ray alone.
-    pub fn new(
-        composer: &Composer,
-        plan: &Plan,
-        camera: &Camera,
-        (settings, bounds): (&RenderSettings, &Bounds),
-        march: &MarchSettings,
-    ) -> ComposeResult<Option<BeamKernels>> {
-        let Some(plan) = beam_plan(plan) else { return Ok(None) };
-        let arena = composer.arena;
-        let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
-        Ok(Some(BeamKernels {
-            camera: Kernel::Map(shade::compose_beam(arena, camera, settings.size, bounds)),
-            march: Kernel::March(compose_beam_march(arena, estimator, march)),
-            begin: Kernel::Map(shade::compose_begin(arena, camera, settings.size, bounds)),
-            background: Kernel::Map(shade::compose_background(arena, &composer.graph.look, camera, settings.size)),
-            tiles: BeamTiles {
-                pixel_radius: pixel_radius(camera, settings.size),
-                edges: EDGES.into_iter().filter(|edge| edge * settings.samples.max(1) >= ENOUGH).collect(),
-            },
-        }))
-    }
-
-    /// The kernels with names.
-    pub fn named(&self) -> [(&'static str, &Kernel); 4] {
-        let [camera, march, begin] = [("beam", &self.camera), ("beam_march", &self.march), ("begin", &self.begin)];
-        [camera, march, begin, ("background", &self.background)]
-    }
+/// Adds the passes of beams for a plan's rays within bounds, marched as `march` says, and gives their tiles; `None` where
+/// estimates hold along their ray alone.
+pub(super) fn compose_beams(
+    passes: &mut Passes<Kernel>,
+    composer: &Composer,
+    plan: &Plan,
+    camera: &Camera,
+    (settings, bounds): (&RenderSettings, &Bounds),
+    march: &MarchSettings,
+) -> ComposeResult<Option<BeamTiles>> {
+    let Some(plan) = beam_plan(plan) else { return Ok(None) };
+    let (arena, size) = (composer.arena, settings.size);
+    let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
+    let beam = Kernel::Map(shade::compose_beam(arena, camera, size, bounds));
+    passes.push(Role::Beam, [Slot::Tiles], Slot::Beams, beam);
+    let march = Kernel::March(compose_beam_march(arena, estimator, march));
+    passes.push(Role::BeamMarch, [Slot::Beams], Slot::BeamEnds, march);
+    let begin = Kernel::Map(shade::compose_begin(arena, camera, size, bounds));
+    passes.push(Role::Begin, [Slot::Begins], Slot::Rays, begin);
+    let background = Kernel::Map(shade::compose_background(arena, &composer.graph.look, camera, size));
+    passes.push(Role::Background, [Slot::Points], Slot::Backgrounds, background);
+    Ok(Some(BeamTiles {
+        pixel_radius: pixel_radius(camera, size),
+        edges: EDGES.into_iter().filter(|edge| edge * settings.samples.max(1) >= ENOUGH).collect(),
+    }))
 }
 
 /// Beams made ready on a back end.
 pub struct Beams<B: Backend> {
-    camera: B::Prepared,
-    march: B::Prepared,
-    /// The colour of pixels where nothing is.
-    pub background: B::Prepared,
+    /// From tiles to the ends of their beams.
+    chain: Chain<B>,
     tiles: BeamTiles,
 }
 
@@ -129,13 +110,14 @@ impl Starts {
 }
 
 impl<B: Backend> Beams<B> {
-    /// Beams for tiles from kernels that `needed` gives by the names of [`BeamKernels::named`].
-    pub fn new(
+    /// Beams for tiles from passes whose kernels `prepare` makes ready.
+    pub fn new<K>(
         tiles: &BeamTiles,
-        mut needed: impl FnMut(&str) -> Result<B::Prepared, BackendError>,
+        passes: &Passes<K>,
+        prepare: impl FnMut(&Pass<K>) -> Result<B::Prepared, BackendError>,
     ) -> Result<Beams<B>, BackendError> {
-        let (camera, march, background) = (needed("beam")?, needed("beam_march")?, needed("background")?);
-        Ok(Beams { camera, march, background, tiles: tiles.clone() })
+        let chain = Chain::new(passes, &[Slot::Tiles], &[Slot::BeamEnds], prepare)?;
+        Ok(Beams { chain, tiles: tiles.clone() })
     }
 
     /// How far nothing is for all rays through each pixel of a rectangle.
@@ -190,8 +172,7 @@ impl<B: Backend> Beams<B> {
         // Half the diagonal of the tile in the plane at distance 1; on the unit sphere it is no longer.
         let spread = f64::from(edge) * self.tiles.pixel_radius * std::f64::consts::SQRT_2 * (1.0 + WIDER);
         let columns = [centre(|p| p.0), centre(|p| p.1), vec![spread; places.len()], begin];
-        let rays = backend.run(&self.camera, &[&backend.upload(&columns)?])?;
-        let ends = backend.run(&self.march, &[&rays])?;
+        let ends = self.chain.write(backend, Slot::Tiles, &columns, Slot::BeamEnds)?;
         let ends =
             backend.download_only(&ends, &[Marched::COLUMNS.t, Marched::COLUMNS.status, Marched::COLUMNS.steps])?;
         let [t, status, steps] = [0, 1, 2].map(|i| &ends[i]);

@@ -7,13 +7,13 @@
 //! alone: always the CPU's, whatever the picture is rendered on.
 
 use super::beams::{Beams, NOTHING};
+use super::passes::{self, Chain, Passes, Role, Slot, centres};
 use super::{BeamUse, Pipeline, RenderSettings};
 use crate::compose::Bounds;
 use crate::expr::Arena;
 use crate::graph::Camera;
 use crate::kernel::cpu::Cpu;
-use crate::kernel::records::Marched;
-use crate::kernel::{Backend, BackendError, Kernel, Status};
+use crate::kernel::{Backend, BackendError, Kernel};
 use crate::shade::{compose_camera, pixel_radius};
 
 /// Rays that are marched with and without at most, and which share of a picture's.
@@ -33,21 +33,17 @@ const STRIDE: u64 = 7919;
 
 /// Whether rays that begin where a picture's beams end come to what they come to alone.
 pub fn beams_hold(arena: &Arena, pipeline: &Pipeline, settings: &RenderSettings) -> Result<bool, BackendError> {
-    let Some(beams) = &pipeline.beams else { return Ok(true) };
+    let Some(tiles) = &pipeline.tiles else { return Ok(true) };
     if settings.beams == BeamUse::Untried || pipeline.plan.is_certified() {
         return Ok(true);
     }
     let Some(places) = sampled(settings) else { return Ok(false) };
     let cpu = cpu_of(settings);
-    let kernels = beams.named();
-    let named = |name: &str| {
-        let kernel = kernels.iter().find(|(known, _)| *known == name).expect("beams have this kernel");
-        cpu.prepare(arena, kernel.1)
-    };
+    let passes = &pipeline.passes;
     let trial = Trial {
-        beams: Beams::new(&beams.tiles, named)?,
-        begin: named("begin")?,
-        march: cpu.prepare(arena, &pipeline.march)?,
+        beams: Beams::new(tiles, passes, |pass| cpu.prepare(arena, &pass.kernel))?,
+        begin: Chain::compile(&cpu, arena, passes, &[Slot::Begins], &[Slot::Rays])?,
+        march: Chain::compile(&cpu, arena, passes, &[Slot::Rays], &[Slot::Ends])?,
         footprint: 2.0 * pipeline.pixel_radius,
         cpu: &cpu,
     };
@@ -70,14 +66,14 @@ pub(super) fn box_holds(
 ) -> Result<bool, BackendError> {
     let Some(places) = sampled(settings) else { return Ok(false) };
     let cpu = cpu_of(settings);
-    let march = cpu.prepare(arena, march)?;
-    let columns = cpu.upload(&centres(&places))?;
+    let mut passes = Passes::default();
+    passes.push(Role::March, [Slot::Rays], Slot::Ends, march.clone());
+    let march = Chain::compile(&cpu, arena, &passes, &[Slot::Rays], &[Slot::Ends])?;
+    let points = centres(&places);
     let depths = |bounds: &Bounds| {
         let camera = cpu.prepare(arena, &Kernel::Map(compose_camera(arena, camera, settings.size, bounds)))?;
-        let hits = cpu.run(&march, &[&cpu.run(&camera, &[&columns])?])?;
-        let hits = cpu.download_only(&hits, &[Marched::COLUMNS.t, Marched::COLUMNS.status])?;
-        let depth = |i: usize| (Status::from_code(hits[1][i]) == Status::Hit).then_some(hits[0][i]);
-        Ok((0..places.len()).map(depth).collect::<Vec<_>>())
+        let rays = cpu.run(&camera, &[&cpu.upload(&points)?])?;
+        passes::depths(&cpu, &passes::march(&cpu, &march, &rays)?)
     };
     let footprint = 2.0 * pixel_radius(camera, settings.size);
     let elsewhere = differing(&depths(&Bounds::ball(bounds.radius))?, &depths(bounds)?, footprint);
@@ -99,12 +95,6 @@ fn cpu_of(settings: &RenderSettings) -> Cpu {
     Cpu::new(settings.precision).narrow()
 }
 
-/// Columns of the centres of pixels.
-fn centres(pixels: &[(u32, u32)]) -> [Vec<f64>; 2] {
-    let of = |of: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(of(p)) + 0.5).collect();
-    [of(|p| p.0), of(|p| p.1)]
-}
-
 /// Rays of which one alone hits, or whose hits are apart.
 fn differing(a: &[Option<f64>], b: &[Option<f64>], footprint: f64) -> usize {
     let differs = |(a, b): &(&Option<f64>, &Option<f64>)| match (a, b) {
@@ -118,8 +108,8 @@ fn differing(a: &[Option<f64>], b: &[Option<f64>], footprint: f64) -> usize {
 struct Trial<'a> {
     cpu: &'a Cpu,
     beams: Beams<Cpu>,
-    begin: <Cpu as Backend>::Prepared,
-    march: <Cpu as Backend>::Prepared,
+    begin: Chain<Cpu>,
+    march: Chain<Cpu>,
     /// Diameter of a pixel at distance 1.
     footprint: f64,
 }
@@ -140,14 +130,9 @@ impl Trial<'_> {
     fn depths(&self, pixels: &[(u32, u32)], starts: Vec<f64>) -> Result<Vec<Option<f64>>, BackendError> {
         let are_nothing: Vec<bool> = starts.iter().map(|start| *start >= NOTHING).collect();
         let [x, y] = centres(pixels);
-        let columns = self.cpu.upload(&[x, y, starts])?;
-        let rays = self.cpu.run(&self.begin, &[&columns])?;
-        let hits = self.cpu.run(&self.march, &[&rays])?;
-        let hits = self.cpu.download_only(&hits, &[Marched::COLUMNS.t, Marched::COLUMNS.status])?;
-        let depth = |i: usize| {
-            let is_hit = !are_nothing[i] && Status::from_code(hits[1][i]) == Status::Hit;
-            is_hit.then_some(hits[0][i])
-        };
-        Ok((0..pixels.len()).map(depth).collect())
+        let rays = self.begin.write(self.cpu, Slot::Begins, &[x, y, starts], Slot::Rays)?;
+        let depths = passes::depths(self.cpu, &passes::march(self.cpu, &self.march, &rays)?)?;
+        let depth = |(depth, is_nothing): (Option<f64>, bool)| depth.filter(|_| !is_nothing);
+        Ok(depths.into_iter().zip(are_nothing).map(depth).collect())
     }
 }

@@ -7,13 +7,14 @@ use glam::DVec3;
 
 use serde::{Deserialize, Serialize};
 
+use super::passes::{self, Marches, Passes, Role, Slot};
 use crate::compose::{
     Bounds, ComposeResult, Composer, FieldOrbit, Plan, Purpose, Reach, compose_estimator, field_orbits,
 };
 use crate::expr::Arena;
 use crate::graph::{Camera, IterationLimit, ValidGraph};
 use crate::kernel::cpu::Cpu;
-use crate::kernel::records::{Answer, Marched, Ray};
+use crate::kernel::records::Answer;
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
 use crate::march::{MarchSettings, compose_march};
 use crate::math::Precision;
@@ -101,28 +102,17 @@ fn hits(composer: &Composer, plan: &Plan, camera: &Camera, size: Size, grid: Siz
     let arena: &Arena = composer.arena;
     let cpu = Cpu::new(Precision::F64);
     let bounds = Bounds::ball(plan.bounding_radius);
-    let camera_kernel = Kernel::Map(compose_camera(arena, camera, size, &bounds));
     let settings = MarchSettings::of_plan(plan, pixel_radius(camera, size), Precision::F64);
     let plan = plan.clone().in_precision(Precision::F64);
     let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
+    let mut passes = Passes::default();
+    let rays = Kernel::Map(compose_camera(arena, camera, size, &bounds));
+    passes.push(Role::Camera, [Slot::Points], Slot::Rays, rays);
     let march = Kernel::March(compose_march(arena, estimator, &settings));
-    let place = |i: u32, of: u32, edge: u32| (f64::from(i) + 0.5) / f64::from(of) * f64::from(edge);
-    let cells = || (0..grid.height).flat_map(|j| (0..grid.width).map(move |i| (i, j)));
-    let x = Vec::from_iter(cells().map(|(i, _)| place(i, grid.width, size.width)));
-    let y = Vec::from_iter(cells().map(|(_, j)| place(j, grid.height, size.height)));
-    let run = |kernel: &Kernel, columns: &[Vec<f64>]| -> Vec<Vec<f64>> {
-        let kernel = cpu.prepare(arena, kernel).expect("the CPU takes every kernel");
-        let columns = cpu.upload(columns).expect("the CPU holds every column");
-        let result = cpu.run(&kernel, &[&columns]).expect("the CPU runs every kernel");
-        cpu.download(&result).expect("the CPU holds every column")
-    };
-    let rays = run(&camera_kernel, &[x, y]);
-    let out = run(&march, &rays);
-    let hit = |(i, end): (usize, Marched<f64>)| {
-        let t = end.depth().filter(|t| *t > 0.0)?;
-        Some((t, DVec3::from(Ray::point(&rays, i, t))))
-    };
-    Ok(Marched::of(&out).rays().enumerate().map(hit).collect())
+    passes.push(Role::March, [Slot::Rays], Slot::Ends, march);
+    let marches = Marches::new(&cpu, arena, &passes).expect("the CPU takes every kernel");
+    let ends = marches.run(&cpu, &passes::grid(grid, size)).expect("the CPU runs every kernel");
+    Ok(ends.hits().map(|hit| hit.map(|(t, p)| (t, DVec3::from(p)))).collect())
 }
 
 /// Directions that a way out of the set is looked for in, besides backwards.

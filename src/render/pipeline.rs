@@ -1,21 +1,22 @@
-//! The kernels of a picture, composed from a fractal, its view and its plan.
+//! The passes of a picture, composed from a fractal, its view and its plan.
 
-use super::beams::{BeamKernels, BeamTiles};
+use super::beams::{BeamTiles, compose_beams};
 use super::checked::box_holds;
 use super::framing::camera_of;
+use super::passes::{Passes, Role, Slot};
 use super::plane::compose_plane;
 use super::{BeamUse, RenderSettings};
 use crate::compose::{Bounds, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::graph::{Camera, Look, Plane};
-use crate::kernel::Kernel;
+use crate::kernel::{Kernel, March};
 use crate::march::{MarchSettings, SKIPPED, compose_march, compose_shadow_march, shadow_plan};
 use crate::shade::{self, CameraFrame};
 
 /// Samples of a picture that a search for a box pays for.
 const LEAST_BOXED: u64 = 1 << 20;
 
-/// The kernels of a picture.
+/// A picture's passes, and what they were composed from.
 pub struct Pipeline {
     /// How distances are estimated, and the extent.
     pub plan: Plan,
@@ -27,41 +28,42 @@ pub struct Pipeline {
     pub plane: Option<Plane>,
     /// Radius of a pixel at distance 1, or in the plane.
     pub pixel_radius: f64,
-    /// Pixels to rays.
-    pub camera_kernel: Kernel,
-    /// What finds out for many pixels at once how far nothing is; absent where every ray is marched by itself.
-    pub beams: Option<BeamKernels>,
-    /// Rays to hits.
-    pub march: Kernel,
-    /// Hits to the points where surfaces are looked at.
-    pub surface_point: Kernel,
-    /// Points to gradients and traps.
-    pub surface: Kernel,
-    /// Hits to rays towards the sun; absent without shadows.
-    pub shadow_ray: Option<Kernel>,
-    /// Rays towards the sun to whether they hit; absent without shadows.
-    pub shadow_march: Option<Kernel>,
-    /// Everything to linear colours.
-    pub colour: Kernel,
-    /// Linear colours to sRGB.
-    pub encode: Kernel,
+    /// The tiles of beams, which find out for many pixels at once how far nothing is; absent where every ray is marched by
+    /// itself.
+    pub tiles: Option<BeamTiles>,
+    /// Points of the picture to colours, and what lies between.
+    pub passes: Passes<Kernel>,
 }
 
 impl Pipeline {
     /// All kernels, with names, in the order in which they run.
     pub fn kernels(&self) -> Vec<(&'static str, &Kernel)> {
-        let mut kernels = vec![("camera", &self.camera_kernel)];
-        kernels.extend(self.beams.iter().flat_map(BeamKernels::named));
-        kernels.extend([("march", &self.march), ("surface_point", &self.surface_point), ("surface", &self.surface)]);
-        kernels.extend(self.shadow_ray.as_ref().map(|k| ("shadow_ray", k)));
-        kernels.extend(self.shadow_march.as_ref().map(|k| ("shadow_march", k)));
-        kernels.extend([("colour", &self.colour), ("encode", &self.encode)]);
-        kernels
+        self.passes.iter().map(|pass| (pass.role.name(), &pass.kernel)).collect()
+    }
+
+    /// The kernel of a role that every picture has.
+    pub fn kernel(&self, role: Role) -> &Kernel {
+        self.passes.get(role).expect("every picture has this role")
+    }
+
+    /// The march of the picture's rays.
+    pub fn march(&self) -> &March {
+        match self.kernel(Role::March) {
+            Kernel::March(march) => march,
+            _ => unreachable!("a picture's march is a march"),
+        }
+    }
+
+    /// Leaves the beams out: every ray is marched by itself.
+    pub fn drop_beams(&mut self) {
+        self.tiles = None;
+        let of_beams = [Role::Beam, Role::BeamMarch, Role::Begin, Role::Background];
+        self.passes.retain(|role| !of_beams.contains(&role));
     }
 
     /// What else a renderer has to know.
     pub fn shape(&self) -> Shape {
-        Shape { is_certified: self.plan.is_certified(), tiles: self.beams.as_ref().map(|beams| beams.tiles.clone()) }
+        Shape { is_certified: self.plan.is_certified(), tiles: self.tiles.clone(), passes: self.passes.plan() }
     }
 }
 
@@ -72,14 +74,19 @@ pub struct Shape {
     pub is_certified: bool,
     /// The tiles of beams, where there are beams.
     pub tiles: Option<BeamTiles>,
+    /// What reads what.
+    pub passes: Passes<()>,
 }
 
-/// Composes the kernels of a fractal's picture.
+/// The sun: the only light so far.
+const SUN: u8 = 0;
+
+/// Composes the passes of a fractal's picture.
 pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Result<Pipeline, Diagnostic> {
     compose_planned(composer, settings, choose(composer, &settings.estimate)?)
 }
 
-/// Composes the kernels of a fractal's picture with the estimates of a plan; `settings.estimate` is not asked.
+/// Composes the passes of a fractal's picture with the estimates of a plan; `settings.estimate` is not asked.
 pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan: Plan) -> Result<Pipeline, Diagnostic> {
     plan = plan.in_precision(settings.precision);
     if !settings.early_ends {
@@ -99,42 +106,67 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     }
     let purpose = if settings.plain { Purpose::Estimate } else { Purpose::March };
     let estimator = compose_estimator(composer, &plan.choices, purpose)?;
-    let marched = Kernel::March(compose_march(arena, estimator.clone(), &march));
+    let marched = Kernel::March(compose_march(arena, estimator, &march));
     let bounds = bounds_of(composer, &plan, &camera, settings, &marched)?;
-    let beams = match settings.plain || settings.beams == BeamUse::Off {
+
+    // Points of the picture to ends of rays.
+    let mut passes = Passes::default();
+    let camera_kernel = shade::compose_camera(arena, &camera, settings.size, &bounds);
+    passes.push(Role::Camera, [Slot::Points], Slot::Rays, Kernel::Map(camera_kernel));
+    let tiles = match settings.plain || settings.beams == BeamUse::Off {
         true => None,
-        false => BeamKernels::new(composer, &plan, &camera, (settings, &bounds), &march)?,
+        false => compose_beams(&mut passes, composer, &plan, &camera, (settings, &bounds), &march)?,
     };
-    let sun = shade::sun_direction(look, &frame);
-    let shadow_march = look.shadows.then(|| match settings.plain {
-        true => Ok(compose_march(arena, estimator, &march)),
-        false => {
-            let plan = shadow_plan(&plan);
-            let march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.precision);
-            Ok(compose_shadow_march(arena, compose_estimator(composer, &plan.choices, purpose)?, &march))
-        }
-    });
-    let shadow_march = shadow_march.transpose()?.map(Kernel::March);
+    passes.push(Role::March, [Slot::Rays], Slot::Ends, marched);
+
+    // What is asked of surfaces, a hit threshold in front of them.
+    let threshold = shade::Threshold { pixel_radius: march.pixel_radius, fixed: march.hit_eps };
+    let point = shade::compose_surface_point(arena, threshold, settings.precision);
+    passes.push(Role::SurfacePoint, [Slot::Rays, Slot::Ends], Slot::Queries, Kernel::Map(point));
+    let surface = compose_estimator(composer, &plan.choices, Purpose::Surface)?;
+    passes.push(Role::Surface, [Slot::Queries], Slot::Surfaces, Kernel::Estimate(surface));
+
+    let mut seen = vec![Slot::Rays, Slot::Ends, Slot::Surfaces];
+    if look.shadows {
+        seen.push(compose_sun(&mut passes, composer, &plan, settings, (&camera, &bounds), &march)?);
+    }
+
+    // Everything to colours.
+    let colour = shade::compose_colour(arena, look, &frame, plan.bounding_radius, plan.is_certified());
+    passes.push(Role::Colour, seen, Slot::Colours, Kernel::Map(colour));
+    passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(shade::compose_encode(arena)));
+    Ok(Pipeline { camera, bounds, plane: None, pixel_radius, tiles, passes, plan })
+}
+
+/// Adds the passes of the sun: rays towards it from what is seen, and their march as `march` says of primary rays. Gives the
+/// slot that says which of them hit.
+fn compose_sun(
+    passes: &mut Passes<Kernel>,
+    composer: &Composer,
+    plan: &Plan,
+    settings: &RenderSettings,
+    (camera, bounds): (&Camera, &Bounds),
+    march: &MarchSettings,
+) -> Result<Slot, Diagnostic> {
+    let (arena, look) = (composer.arena, &composer.graph.look);
+    let sun = shade::sun_direction(look, &CameraFrame::new(camera));
     let threshold = shade::Threshold { pixel_radius: march.pixel_radius, fixed: march.hit_eps };
     let skipped = if settings.plain { 0.0 } else { SKIPPED };
-    let shadow_ray =
-        look.shadows.then(|| Kernel::Map(shade::compose_shadow_ray(arena, (sun, look), threshold, &bounds, skipped)));
-    Ok(Pipeline {
-        camera,
-        bounds,
-        plane: None,
-        pixel_radius,
-        camera_kernel: Kernel::Map(shade::compose_camera(arena, &camera, settings.size, &bounds)),
-        beams,
-        march: marched,
-        surface_point: Kernel::Map(shade::compose_surface_point(arena, threshold, settings.precision)),
-        surface: Kernel::Estimate(compose_estimator(composer, &plan.choices, Purpose::Surface)?),
-        shadow_ray,
-        shadow_march,
-        colour: Kernel::Map(shade::compose_colour(arena, look, &frame, plan.bounding_radius, plan.is_certified())),
-        encode: Kernel::Map(shade::compose_encode(arena)),
-        plan,
-    })
+    let ray = shade::compose_shadow_ray(arena, (sun, look), threshold, bounds, skipped);
+    let seen = [Slot::Rays, Slot::Ends, Slot::Surfaces];
+    passes.push(Role::ShadowRay(SUN), seen, Slot::ShadowRays(SUN), Kernel::Map(ray));
+
+    let shadow = match settings.plain {
+        true => compose_march(arena, compose_estimator(composer, &plan.choices, Purpose::Estimate)?, march),
+        false => {
+            let plan = shadow_plan(plan);
+            let pixel_radius = shade::pixel_radius(camera, settings.size) * settings.detail;
+            let march = MarchSettings::of_plan(&plan, pixel_radius, settings.precision);
+            compose_shadow_march(arena, compose_estimator(composer, &plan.choices, Purpose::March)?, &march)
+        }
+    };
+    passes.push(Role::ShadowMarch(SUN), [Slot::ShadowRays(SUN)], Slot::Shadows(SUN), Kernel::March(shadow));
+    Ok(Slot::Shadows(SUN))
 }
 
 /// What a picture's rays are cut to: a box where one is wanted, proven and worth it, and rays end with it where they end without.

@@ -1,5 +1,6 @@
-//! The kernels of a picture of a plane: those of any picture, with one estimate in the place of the march.
+//! The passes of a picture of a plane: those of any picture, with one estimate in the place of the march.
 
+use super::passes::{Passes, Role, Slot};
 use super::{Pipeline, RenderSettings};
 use crate::compose::{Bounds, Composer, Plan, Purpose, compose_estimator};
 use crate::diag::Diagnostic;
@@ -8,7 +9,7 @@ use crate::kernel::Kernel;
 use crate::march::{MarchSettings, compose_still, still_plan};
 use crate::shade;
 
-/// Composes the kernels of a fractal's picture in a plane with the estimates of a plan.
+/// Composes the passes of a fractal's picture in a plane with the estimates of a plan.
 pub(super) fn compose_plane(
     composer: &Composer,
     plane: &Plane,
@@ -25,20 +26,25 @@ pub(super) fn compose_plane(
         ..MarchSettings::default()
     };
     let estimator = compose_estimator(composer, &plan.choices, Purpose::Estimate)?;
+    let mut passes = Passes::default();
+    let camera = Kernel::Map(shade::compose_plane_camera(arena, plane, settings.size));
+    passes.push(Role::Camera, [Slot::Points], Slot::Rays, camera);
+    let march = Kernel::March(compose_still(arena, estimator, &march));
+    passes.push(Role::March, [Slot::Rays], Slot::Ends, march);
+    let point = Kernel::Map(shade::compose_plane_point(arena, pixel_radius, settings.precision));
+    passes.push(Role::SurfacePoint, [Slot::Rays, Slot::Ends], Slot::Queries, point);
+    let surface = Kernel::Estimate(compose_estimator(composer, &plan.choices, Purpose::Surface)?);
+    passes.push(Role::Surface, [Slot::Queries], Slot::Surfaces, surface);
+    let colour = Kernel::Map(shade::compose_plane_colour(arena, look, plane, settings.size));
+    passes.push(Role::Colour, [Slot::Rays, Slot::Ends, Slot::Surfaces], Slot::Colours, colour);
+    passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(shade::compose_encode(arena)));
     Ok(Pipeline {
         camera: shade::facing(plane),
         bounds: Bounds::ball(plan.bounding_radius),
         plane: Some(*plane),
         pixel_radius,
-        camera_kernel: Kernel::Map(shade::compose_plane_camera(arena, plane, settings.size)),
-        beams: None,
-        march: Kernel::March(compose_still(arena, estimator, &march)),
-        surface_point: Kernel::Map(shade::compose_plane_point(arena, pixel_radius, settings.precision)),
-        surface: Kernel::Estimate(compose_estimator(composer, &plan.choices, Purpose::Surface)?),
-        shadow_ray: None,
-        shadow_march: None,
-        colour: Kernel::Map(shade::compose_plane_colour(arena, look, plane, settings.size)),
-        encode: Kernel::Map(shade::compose_encode(arena)),
+        tiles: None,
+        passes,
         plan,
     })
 }

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::beams::{Beams, Starts};
 use super::checked::beams_hold;
+use super::passes::{self, Chain, Pass, Role, Slot};
 use super::pixels::Pixels;
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
 use crate::film::{Tile, Window};
@@ -43,16 +44,16 @@ pub struct Renderer<'b, B: Backend> {
     pub(super) sampling: Sampling,
     /// Most parts of the picture that are worked on at the same time.
     pub(super) at_once: usize,
-    /// Pixel coordinates, and starts where there are beams, to rays.
-    camera: B::Prepared,
-    beams: Option<Beams<B>>,
-    march: B::Prepared,
-    surface_point: B::Prepared,
-    surface: B::Prepared,
-    /// To shadow rays, and their march.
-    shadow: Option<[B::Prepared; 2]>,
-    colour: B::Prepared,
-    encode: B::Prepared,
+    /// Beams, and points where they found nothing to colours.
+    beams: Option<(Beams<B>, Chain<B>)>,
+    /// Points, with their starts where there are beams, to rays.
+    camera: Chain<B>,
+    /// Rays to their ends.
+    march: Chain<B>,
+    /// Rays and ends to colours, by way of shadows.
+    shade: Chain<B>,
+    /// Colours to bytes.
+    encode: Chain<B>,
     /// How the picture is cut.
     pub cut: Cut,
     /// What has been counted so far.
@@ -82,8 +83,8 @@ struct Part<C> {
     pixels: Pixels,
     /// Linear colours.
     colours: C,
-    /// Their marches, and those towards the sun; none where beams found nothing.
-    marches: Option<(C, Option<C>)>,
+    /// Their marches, and those towards each light; none where beams found nothing.
+    marches: Option<(C, Vec<C>)>,
 }
 
 /// Columns of some results, of the numbers that a back end computes with.
@@ -116,35 +117,42 @@ impl<'b, B: Backend> Renderer<'b, B> {
         settings: &RenderSettings,
         mut prepare: impl FnMut(&'static str, &Kernel) -> Result<B::Prepared, BackendError>,
     ) -> Result<Self, BackendError> {
-        let kernels = pipeline.kernels();
-        let prepare = |name: &str| {
-            let kernel = kernels.iter().find(|(known, _)| *known == name);
-            kernel.map(|(name, kernel)| prepare(name, kernel)).transpose()
-        };
         let mut shape = pipeline.shape();
         let start = Instant::now();
         let hold = beams_hold(arena, pipeline, settings)?;
         let trial = start.elapsed();
         shape.tiles = shape.tiles.filter(|_| hold);
+        let prepare = |role: Role| prepare(role.name(), pipeline.kernel(role));
         let mut renderer = Renderer::with_kernels(backend, settings, &shape, prepare)?;
         renderer.stats.are_beams_wrong = !hold;
         renderer.stats.compile += trial;
         Ok(renderer)
     }
 
-    /// A renderer of kernels that `prepare` gives by the names of [`Pipeline::kernels`]; `None` where there is none.
+    /// A renderer of passes whose kernels `prepare` makes ready by their roles.
     pub fn with_kernels(
         backend: &'b B,
         settings: &RenderSettings,
         shape: &Shape,
-        mut prepare: impl FnMut(&str) -> Result<Option<B::Prepared>, BackendError>,
+        mut prepare: impl FnMut(Role) -> Result<B::Prepared, BackendError>,
     ) -> Result<Self, BackendError> {
         let start = Instant::now();
-        let shadow = match (prepare("shadow_ray")?, prepare("shadow_march")?) {
-            (Some(ray), Some(march)) => Some([ray, march]),
-            _ => None,
+        let mut prepare = |pass: &Pass<()>| prepare(pass.role);
+        let mut chain = |given: &[Slot], wanted: &[Slot]| Chain::new(&shape.passes, given, wanted, &mut prepare);
+        let points = if shape.tiles.is_some() { Slot::Begins } else { Slot::Points };
+        let lights = shape.passes.iter().map(|pass| pass.writes).filter(|slot| matches!(slot, Slot::Shadows(_)));
+        let shaded: Vec<Slot> = std::iter::once(Slot::Colours).chain(lights).collect();
+        let camera = chain(&[points], &[Slot::Rays])?;
+        let march = chain(&[Slot::Rays], &[Slot::Ends])?;
+        let shade = chain(&[Slot::Rays, Slot::Ends], &shaded)?;
+        let encode = chain(&[Slot::Colours], &[Slot::Bytes])?;
+        let beams = match &shape.tiles {
+            None => None,
+            Some(tiles) => {
+                let background = chain(&[Slot::Points], &[Slot::Backgrounds])?;
+                Some((Beams::new(tiles, &shape.passes, &mut prepare)?, background))
+            }
         };
-        let mut needed = |name: &str| Ok(prepare(name)?.expect("every picture has this kernel"));
         let batch = backend.batch();
         let mut renderer = Renderer {
             backend,
@@ -152,14 +160,11 @@ impl<'b, B: Backend> Renderer<'b, B> {
             samples: sample_offsets(settings.samples.max(1)),
             sampling: settings.sampling,
             at_once: batch.at_once,
-            camera: needed(if shape.tiles.is_some() { "begin" } else { "camera" })?,
-            beams: shape.tiles.as_ref().map(|tiles| Beams::new(tiles, &mut needed)).transpose()?,
-            march: needed("march")?,
-            surface_point: needed("surface_point")?,
-            surface: needed("surface")?,
-            shadow,
-            colour: needed("colour")?,
-            encode: needed("encode")?,
+            beams,
+            camera,
+            march,
+            shade,
+            encode,
             cut: Cut::new(settings.size, batch),
             stats: Stats::default(),
         };
@@ -179,10 +184,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let start = |place| starts.as_ref().map_or(0.0, |starts| starts.at(place));
         let pixels = Pixels::starting(pixels.iter().copied(), start);
         let rays = self.rays(&pixels, &[[0.5; 2]])?;
-        let hits = self.backend.run(&self.march, &[&rays])?;
-        let columns = self.backend.download_only(&hits, &[Marched::COLUMNS.t, Marched::COLUMNS.status])?;
-        let depth = |(&t, &status): (&f64, &f64)| (Status::from_code(status) == Status::Hit).then_some(t);
-        Ok(columns[0].iter().zip(&columns[1]).map(depth).collect())
+        passes::depths(self.backend, &passes::march(self.backend, &self.march, &rays)?)
     }
 
     /// Takes the first sample of each pixel of a window, and sets what `of` makes of it.
@@ -195,7 +197,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let tile = window.tile;
         let starts = self.starts(tile, stats)?;
         let parts = self.sample(Pixels::of_tile(tile, &starts), &self.samples[..1], stats)?;
-        let encode = |part: &Part<_>| self.backend.run(&self.encode, &[&part.colours]);
+        let encode = |part: &Part<_>| self.encoded(&part.colours);
         let encoded: Vec<_> = timed(&mut stats.shade, || parts.iter().map(encode).collect::<Result<_, _>>())?;
         // Linear colours are only for sums with others.
         let linear = parts.iter().filter(|_| self.samples.len() > 1).map(|part| &part.colours);
@@ -248,7 +250,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
             Results::F32(results) => self.averages(&parts, &results, stats, first),
             Results::F64(results) => self.averages(&parts, &results, stats, first),
         })?;
-        let encoded = timed(&mut stats.shade, || self.backend.run(&self.encode, &[&self.backend.upload(&averages)?]))?;
+        let encoded = timed(&mut stats.shade, || self.encoded(&self.backend.upload(&averages)?))?;
         let srgb = timed(&mut stats.results, || self.backend.download(&encoded))?;
         stats.refined += pixels.len() as u64;
         let places = parts.iter().flat_map(|part| part.pixels.places());
@@ -279,7 +281,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
 
     /// How far nothing is for any ray through each pixel of a tile; `None` without beams.
     fn starts(&self, tile: Tile, stats: &mut Stats) -> Result<Option<Starts>, BackendError> {
-        let Some(beams) = &self.beams else { return Ok(None) };
+        let Some((beams, _)) = &self.beams else { return Ok(None) };
         let starts = timed(&mut stats.march, || beams.starts(self.backend, tile))?;
         stats.beams += starts.beams;
         stats.beam_estimates += starts.estimates;
@@ -289,8 +291,14 @@ impl<'b, B: Backend> Renderer<'b, B> {
     /// Rays through points of pixels, from the pixels' starts on where there are beams.
     fn rays(&self, pixels: &Pixels, offsets: &[[f64; 2]]) -> Result<B::Columns, BackendError> {
         let ([x, y], starts) = (pixels.points(offsets), pixels.starts(offsets.len()));
-        let inputs = if self.beams.is_some() { 3 } else { 2 };
-        self.backend.run(&self.camera, &[&self.backend.upload(&[&x, &y, &starts[..]][..inputs])?])
+        let (slot, inputs) = if self.beams.is_some() { (Slot::Begins, 3) } else { (Slot::Points, 2) };
+        self.camera.write(self.backend, slot, &[&x, &y, &starts[..]][..inputs], Slot::Rays)
+    }
+
+    /// The bytes of colours.
+    fn encoded(&self, colours: &B::Columns) -> Result<B::Columns, BackendError> {
+        let mut written = self.encode.run(self.backend, &[(Slot::Colours, colours)], |_, _| {})?;
+        Ok(written.take(Slot::Bytes).expect("colours are encoded"))
     }
 
     /// Has points of pixels computed: of those where something may be, and of those where beams found nothing.
@@ -301,12 +309,11 @@ impl<'b, B: Backend> Renderer<'b, B> {
         stats: &mut Stats,
     ) -> Result<Vec<Part<B::Columns>>, BackendError> {
         let mut parts = Vec::new();
-        if let Some(beams) = self.beams.as_ref().filter(|_| empty.count > 0) {
+        if let Some((_, background)) = self.beams.as_ref().filter(|_| empty.count > 0) {
             stats.rays += (empty.count * offsets.len()) as u64;
-            let colours = timed(&mut stats.shade, || {
-                let points = self.backend.upload(&empty.points(offsets))?;
-                self.backend.run(&beams.background, &[&points])
-            })?;
+            let points = empty.points(offsets);
+            let colours =
+                timed(&mut stats.shade, || background.write(self.backend, Slot::Points, &points, Slot::Backgrounds))?;
             parts.push(Part { pixels: empty, colours, marches: None });
         }
         if some.count > 0 {
@@ -322,20 +329,15 @@ impl<'b, B: Backend> Renderer<'b, B> {
         offsets: &[[f64; 2]],
         stats: &mut Stats,
     ) -> Result<Part<B::Columns>, BackendError> {
-        let backend = self.backend;
         let rays = timed(&mut stats.shade, || self.rays(&pixels, offsets))?;
-        let hits = timed(&mut stats.march, || backend.run(&self.march, &[&rays]))?;
-        let surface = timed(&mut stats.shade, || {
-            backend.run(&self.surface, &[&backend.run(&self.surface_point, &[&rays, &hits])?])
+        let ends = timed(&mut stats.march, || passes::march(self.backend, &self.march, &rays))?;
+        let given = [(Slot::Rays, &rays), (Slot::Ends, &ends)];
+        let mut written = self.shade.run(self.backend, &given, |role, time| match role {
+            Role::ShadowMarch(_) => stats.shadow += time,
+            _ => stats.shade += time,
         })?;
-        let mut inputs = vec![&rays, &hits, &surface];
-        let mut shadows = None;
-        if let Some([shadow_ray, shadow_march]) = &self.shadow {
-            let shadow_rays = timed(&mut stats.shade, || backend.run(shadow_ray, &inputs))?;
-            inputs.push(shadows.insert(timed(&mut stats.shadow, || backend.run(shadow_march, &[&shadow_rays]))?));
-        }
-        let colours = timed(&mut stats.shade, || backend.run(&self.colour, &inputs))?;
-        Ok(Part { pixels, colours, marches: Some((hits, shadows)) })
+        let colours = written.take(Slot::Colours).expect("every picture has colours");
+        Ok(Part { pixels, colours, marches: Some((ends, written.rest())) })
     }
 
     /// Waits for what was computed and has it read: the columns that are `wanted`, and then those of the parts' marches.
@@ -370,7 +372,7 @@ fn count_marches<'a, C, N: Copy + Into<f64>>(
         let Some((_, shadows)) = &part.marches else { return &[][..] };
         let hits = next();
         stats.count(hits);
-        if shadows.is_some() {
+        for _ in shadows {
             stats.shadow_estimates += next()[0].iter().map(|&steps| steps.into()).sum::<f64>() as u64;
         }
         hits[0]

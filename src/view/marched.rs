@@ -10,7 +10,8 @@ use crate::kernel::records::{Marched, Ray};
 use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::stop_at_crossing;
 use crate::math::Precision;
-use crate::render::Pipeline;
+use crate::render::passes::{Chain, Passes, Slot, centres};
+use crate::render::{Marches, Pipeline, Role};
 use crate::shade::Size;
 
 /// Pixels that are marched at once.
@@ -18,12 +19,11 @@ const BATCH: usize = 1 << 14;
 
 /// The kernels of a view.
 pub struct ViewKernels<'a> {
-    camera: &'a Kernel,
-    march: &'a Kernel,
+    pipeline: &'a Pipeline,
     /// The march that ends where the surface is crossed.
     crossing: Option<Kernel>,
-    /// Hits to the point in front of them, and the estimate's origin there.
-    decision: Option<(&'a Kernel, Kernel)>,
+    /// Hits to the origin of the estimate in front of them.
+    decision: Option<Passes<Kernel>>,
 }
 
 /// What the marches of all pixels gave. All lists are in the order of `pixels`.
@@ -43,20 +43,24 @@ pub struct PixelMarches {
 impl<'a> ViewKernels<'a> {
     /// Composes what a view needs besides the pipeline's own kernels.
     pub fn new(composer: &Composer, pipeline: &'a Pipeline, view: View) -> ComposeResult<ViewKernels<'a>> {
-        let crossing = match (&pipeline.march, view) {
-            (Kernel::March(march), View::Overshoot | View::Confidence) => {
-                Some(Kernel::March(stop_at_crossing(composer.arena, march)))
+        let crossing = match view {
+            View::Overshoot | View::Confidence => {
+                Some(Kernel::March(stop_at_crossing(composer.arena, pipeline.march())))
             }
             _ => None,
         };
         let decision = match view {
             View::Method => {
                 let estimator = compose_estimator(composer, &pipeline.plan.choices, Purpose::Decision)?;
-                Some((&pipeline.surface_point, Kernel::Estimate(estimator)))
+                let mut passes = Passes::default();
+                let point = pipeline.kernel(Role::SurfacePoint).clone();
+                passes.push(Role::SurfacePoint, [Slot::Rays, Slot::Ends], Slot::Queries, point);
+                passes.push(Role::Surface, [Slot::Queries], Slot::Surfaces, Kernel::Estimate(estimator));
+                Some(passes)
             }
             _ => None,
         };
-        Ok(ViewKernels { camera: &pipeline.camera_kernel, march: &pipeline.march, crossing, decision })
+        Ok(ViewKernels { pipeline, crossing, decision })
     }
 
     /// Marches all pixels. `progress` is told the share that is done.
@@ -68,12 +72,12 @@ impl<'a> ViewKernels<'a> {
         progress: &mut dyn FnMut(f64),
     ) -> Result<PixelMarches, BackendError> {
         let prepare = |kernel: &Kernel| backend.prepare(arena, kernel);
-        let (camera, march) = (prepare(self.camera)?, prepare(self.march)?);
+        let marches = Marches::new(backend, arena, &self.pipeline.passes)?;
         let crossing = self.crossing.as_ref().map(prepare).transpose()?;
-        let decision = match &self.decision {
-            Some((point, estimate)) => Some((prepare(point)?, prepare(estimate)?)),
-            None => None,
-        };
+        let seen = [Slot::Rays, Slot::Ends];
+        let decision =
+            self.decision.as_ref().map(|passes| Chain::compile(backend, arena, passes, &seen, &[Slot::Surfaces]));
+        let decision = decision.transpose()?;
         let mut marched = PixelMarches {
             size,
             hits: vec![Vec::new(); Marched::WIDTH],
@@ -83,8 +87,8 @@ impl<'a> ViewKernels<'a> {
         };
         let pixels = pixels(size);
         for batch in pixels.chunks(BATCH) {
-            let rays = backend.run(&camera, &[&backend.upload(&centres(batch))?])?;
-            let hits = backend.run(&march, &[&rays])?;
+            let rays = marches.rays(backend, &centres(batch))?;
+            let hits = marches.ends(backend, &rays)?;
             let columns = backend.download(&hits)?;
             marched.hits.iter_mut().zip(columns).for_each(|(all, part)| all.extend(part));
             if let Some(crossing) = &crossing {
@@ -93,10 +97,12 @@ impl<'a> ViewKernels<'a> {
                 marched.crossing.extend(ends.t_inside);
                 marched.before.extend(ends.t_outside);
             }
-            if let Some((point, estimate)) = &decision {
-                let points = backend.run(point, &[&rays, &hits])?;
-                let decided = backend.download(&backend.run(estimate, &[&points])?)?;
-                marched.decider.extend(decided.last().expect("a decision has outputs"));
+            if let Some(decision) = &decision {
+                let written = decision.run(backend, &[(Slot::Rays, &rays), (Slot::Ends, &hits)], |_, _| {})?;
+                for decided in written.rest() {
+                    let decided = backend.download(&decided)?;
+                    marched.decider.extend(decided.last().expect("a decision has outputs"));
+                }
             }
             progress(marched.hits[0].len() as f64 / pixels.len() as f64);
         }
@@ -131,7 +137,7 @@ pub fn find_truths(
 ) -> ComposeResult<Truths> {
     let cpu = Cpu::new(Precision::F64);
     let run = || -> Result<Vec<Vec<f64>>, BackendError> {
-        let camera = cpu.prepare(composer.arena, &pipeline.camera_kernel)?;
+        let camera = cpu.prepare(composer.arena, pipeline.kernel(Role::Camera))?;
         cpu.download(&cpu.run(&camera, &[&cpu.upload(&centres(&pixels(size)))?])?)
     };
     let columns = run().expect("the CPU runs every kernel");
@@ -144,9 +150,4 @@ pub fn find_truths(
         true
     };
     Truths::find(composer, &pipeline.plan.choices, &rays, scale, &mut told)
-}
-
-fn centres(pixels: &[(u32, u32)]) -> Vec<Vec<f64>> {
-    let coordinate = |of: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(of(p)) + 0.5).collect();
-    vec![coordinate(|p| p.0), coordinate(|p| p.1)]
 }

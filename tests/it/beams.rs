@@ -201,7 +201,7 @@ fn methods_of_one_direction_have_no_beams() {
     for (method, has) in [(Method::Directional, false), (Method::DeltaRay, false), (Method::Delta, true)] {
         let plan = planned(&subject, &EstimateSettings { method: Some(method), ..EstimateSettings::default() });
         let settings = settings(SIZE, false, Target::CPU_F32);
-        assert_eq!(pipeline(&subject, &settings, &plan).beams.is_some(), has, "{}", method.name());
+        assert_eq!(pipeline(&subject, &settings, &plan).tiles.is_some(), has, "{}", method.name());
     }
 }
 

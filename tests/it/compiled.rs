@@ -11,7 +11,7 @@ use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::{Backend, Estimator, Kernel};
 use bulbfold::load::load;
 use bulbfold::math::Precision;
-use bulbfold::render::{Pipeline, RenderSettings, compose_pipeline};
+use bulbfold::render::{Pipeline, RenderSettings, Role, compose_pipeline};
 use bulbfold::shade::Size;
 
 /// Composes the pipeline of a fractal by name.
@@ -83,16 +83,16 @@ fn compare(cpu: Cpu) {
             let run = |part: &str, kernel: &Kernel, inputs: &[&Vec<Vec<f64>>]| {
                 run_both(arena, cpu, &format!("{name}, {part}"), kernel, inputs)
             };
-            let rays = run("camera", &pipeline.camera_kernel, &[&vec![x, y]]);
-            let hits = run("march", &pipeline.march, &[&rays]);
-            let points = run("surface point", &pipeline.surface_point, &[&rays, &hits]);
-            let surface = run("surface", &pipeline.surface, &[&points]);
+            let rays = run("camera", pipeline.kernel(Role::Camera), &[&vec![x, y]]);
+            let hits = run("march", pipeline.kernel(Role::March), &[&rays]);
+            let points = run("surface point", pipeline.kernel(Role::SurfacePoint), &[&rays, &hits]);
+            let surface = run("surface", pipeline.kernel(Role::Surface), &[&points]);
             let odd = points.iter().map(|column| column[..column.len() - 5].to_vec()).collect();
-            run("surface of all but five", &pipeline.surface, &[&odd]);
-            let Some(shadow_ray) = &pipeline.shadow_ray else { return };
+            run("surface of all but five", pipeline.kernel(Role::Surface), &[&odd]);
+            let Some(shadow_ray) = pipeline.passes.get(Role::ShadowRay(0)) else { return };
             let shadow_rays = run("shadow ray", shadow_ray, &[&rays, &hits, &surface]);
-            let shadows = run("shadow", &pipeline.march, &[&shadow_rays]);
-            run("colour", &pipeline.colour, &[&rays, &hits, &surface, &shadows]);
+            let shadows = run("shadow", pipeline.kernel(Role::March), &[&shadow_rays]);
+            run("colour", pipeline.kernel(Role::Colour), &[&rays, &hits, &surface, &shadows]);
         });
     }
 }

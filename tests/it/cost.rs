@@ -12,7 +12,7 @@ use bulbfold::graph::{EstimateSettings, Method};
 use bulbfold::kernel::cost::{Cost, MarchCost};
 use bulbfold::kernel::{Kernel, wgsl};
 use bulbfold::load::{load, load_text};
-use bulbfold::render::{Pipeline, RenderSettings, compose_pipeline};
+use bulbfold::render::{Pipeline, RenderSettings, Role, compose_pipeline};
 
 use crate::support::{bulbfold, stderr, stdout};
 
@@ -59,7 +59,7 @@ impl Made {
     }
 
     fn march(&self) -> MarchCost {
-        let Kernel::March(march) = &self.pipeline.march else { panic!("a march") };
+        let march = self.pipeline.march();
         MarchCost::of(&self.arena, march)
     }
 
@@ -74,7 +74,8 @@ impl Made {
 #[test]
 fn a_scene_without_shadows_has_no_shadow_code() {
     let (with, without) = (make(&bulb("shadows: true,", ""), None), make(&bulb("shadows: false,", ""), None));
-    assert!(with.pipeline.shadow_ray.is_some() && without.pipeline.shadow_ray.is_none());
+    let shadow = Role::ShadowRay(0);
+    assert!(with.pipeline.passes.get(shadow).is_some() && without.pipeline.passes.get(shadow).is_none());
     assert!(with.wgsl("colour").contains("shadow"));
     assert!(!without.wgsl("colour").contains("shadow"));
     assert!(without.cost("colour").operations() < with.cost("colour").operations());
@@ -125,7 +126,7 @@ fn a_julia_set_carries_no_one_and_no_start_point() {
     let mandelbrot = make(&bulb("", ""), Some(Method::Scalar));
     let julia = make(&bulb("", "constant: Julia((0.0, 0.0, 0.0)),"), Some(Method::Scalar));
     let orbit = |made: &Made| {
-        let Kernel::March(march) = &made.pipeline.march else { panic!("a march") };
+        let march = made.pipeline.march();
         march.estimator.orbits[0].clone()
     };
     assert!(!orbit(&mandelbrot).frozen.is_empty());
@@ -147,7 +148,7 @@ fn an_estimate_is_told_only_what_it_reads() {
     let delta = make(&bulb("", ""), Some(Method::Delta));
     let ray = make(&bulb("", ""), Some(Method::Directional));
     let is_constant = |made: &Made, name: &str| {
-        let Kernel::March(march) = &made.pipeline.march else { panic!("a march") };
+        let march = made.pipeline.march();
         let output = march.locate.outputs.iter().find(|(port, _)| port.name == name).expect("a port of the estimator");
         matches!(made.arena.node(output.1).op, Op::Const(_))
     };

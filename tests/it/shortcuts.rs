@@ -84,7 +84,7 @@ fn beams_and_boxes_change_no_hits() {
         let settings = RenderSettings { beams: BeamUse::Tried, ..alone(2) };
         let pipeline = compose_planned(&subject.composer(), &settings, formula.plan().clone()).ok()?;
         let hold = bulbfold::render::beams_hold(subject.arena, &pipeline, &settings).unwrap();
-        beamed.fetch_add(usize::from(hold && pipeline.beams.is_some()), Ordering::SeqCst);
+        beamed.fetch_add(usize::from(hold && pipeline.tiles.is_some()), Ordering::SeqCst);
         println!("{name}: {beams} pixels differ with beams, {boxed} with a box");
         all.fetch_add(beams.max(boxed), Ordering::SeqCst);
         let counts = || format!("{name}: {beams} with beams, {boxed} with a box");

@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use crate::expr::Arena;
 use crate::kernel::records::Marched;
 use crate::kernel::{Backend, BackendError};
-use crate::render::Pipeline;
+use crate::render::passes::{Chain, Slot, centres};
+use crate::render::{Pipeline, Role};
 use crate::shade::Size;
 
 /// Runs that are made at least, after one that warms up and is not counted.
@@ -118,12 +119,9 @@ pub fn march_speed<B: Backend>(
     timing: Timing,
     run: Run<B>,
 ) -> Result<Speed, BackendError> {
-    let camera = backend.prepare(arena, &pipeline.camera_kernel)?;
-    let march = backend.prepare(arena, &pipeline.march)?;
-    let rays = |pixels: &[(u32, u32)]| {
-        let column = |f: fn(&(u32, u32)) -> u32| pixels.iter().map(|p| f64::from(f(p)) + 0.5).collect::<Vec<f64>>();
-        backend.run(&camera, &[&backend.upload(&[column(|p| p.0), column(|p| p.1)])?])
-    };
+    let camera = Chain::compile(backend, arena, &pipeline.passes, &[Slot::Points], &[Slot::Rays])?;
+    let march = backend.prepare(arena, pipeline.kernel(Role::March))?;
+    let rays = |pixels: &[(u32, u32)]| camera.write(backend, Slot::Points, &centres(pixels), Slot::Rays);
     let timed = |rays: &B::Columns| {
         let start = Instant::now();
         let out = run(&march, rays)?;

@@ -13,7 +13,7 @@ use crate::kernel::records::Marched;
 use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::{MarchSettings, compose_march, is_undecided};
 use crate::math::Precision;
-use crate::render::{RenderSettings, compose_pipeline};
+use crate::render::{RenderSettings, Role, compose_pipeline};
 
 /// What is less likely than this is evidence.
 const UNLIKELY: f64 = 0.05;
@@ -245,8 +245,13 @@ pub fn judge(subject: &Subject, rays: usize, settings: &RenderSettings) -> Resul
     let rays = view_rays(&pipeline.camera, settings.size, rays, 4);
     let truths = Truths::find(&composer, &pipeline.plan.choices, &rays, scale, &mut |_| true);
     let truths = truths.map_err(|error| rendered(error, subject.library))?;
-    let ends =
-        march_rays(&Cpu::new(Precision::F64), subject.arena, &pipeline.march, &truths.rays, scale.bounding_radius);
+    let ends = march_rays(
+        &Cpu::new(Precision::F64),
+        subject.arena,
+        pipeline.kernel(Role::March),
+        &truths.rays,
+        scale.bounding_radius,
+    );
     Ok(truths.judge(&ends.map_err(|error| error.to_string())?))
 }
 

@@ -140,7 +140,7 @@ mod tests {
     use crate::kernel::cpu::{Cpu, CpuColumns};
     use crate::kernel::wgsl::tests::pipeline;
     use crate::math::Precision;
-    use crate::render::RenderSettings;
+    use crate::render::{RenderSettings, Role};
 
     /// Where the numbers of columns lie.
     fn place(columns: &CpuColumns) -> usize {
@@ -160,7 +160,8 @@ mod tests {
         let (arena, pipeline) = pipeline("mandelbulb", &RenderSettings::default());
         for precision in [Precision::F32, Precision::F64] {
             let cpu = Cpu::new(precision);
-            let [camera, march] = [&pipeline.camera_kernel, &pipeline.march]
+            let [camera, march] = [Role::Camera, Role::March]
+                .map(|role| pipeline.kernel(role))
                 .map(|kernel| cpu.prepare(&arena, kernel).expect("the CPU takes any kernel"));
             // Pixels, rays and their ends, all of them there at the same time; the second tile is smaller.
             let tile = |pixels: usize| {

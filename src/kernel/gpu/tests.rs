@@ -11,7 +11,7 @@ use crate::kernel::records::Marched;
 use crate::kernel::wgsl::tests::{pipeline, scheduled};
 use crate::kernel::{Backend, BackendError, Estimator, Kernel, Results, Status};
 use crate::math::Precision;
-use crate::render::{Pipeline, RenderSettings, Renderer};
+use crate::render::{Pipeline, RenderSettings, Renderer, Role};
 use crate::shade::Size;
 
 /// A GPU, or `None` where there is none and none is required.
@@ -191,7 +191,7 @@ fn threads_do_not_disturb_each_other() {
     let settings = RenderSettings { size: Size { width: 320, height: 240 }, ..Default::default() };
     let (arena, pipeline) = pipeline("mandelbulb", &settings);
     let rays = rays(&arena, &pipeline, settings.size);
-    let kernel = gpu.prepare(&arena, &pipeline.march).expect("a legal kernel");
+    let kernel = gpu.prepare(&arena, pipeline.kernel(Role::March)).expect("a legal kernel");
     let march = || {
         let rays = gpu.upload(&rays).expect("little memory");
         gpu.run(&kernel, &[&rays]).and_then(|hits| gpu.download(&hits)).expect("it runs")
@@ -242,7 +242,7 @@ fn rays(arena: &Arena, pipeline: &Pipeline, size: Size) -> Vec<Vec<f64>> {
     let pixels: Vec<(f64, f64)> = axis(size.height).flat_map(|y| axis(size.width).map(move |x| (x, y))).collect();
     let columns = [pixels.iter().map(|p| p.0).collect(), pixels.iter().map(|p| p.1).collect()];
     // Rays in single precision, so that all back ends march the same ones.
-    let columns = run(&Cpu::new(Precision::F64), arena, &pipeline.camera_kernel, &columns);
+    let columns = run(&Cpu::new(Precision::F64), arena, pipeline.kernel(Role::Camera), &columns);
     columns.into_iter().map(|c| c.into_iter().map(|x| f64::from(x as f32)).collect()).collect()
 }
 
@@ -253,10 +253,10 @@ fn depths_agree_with_the_cpu() {
     for name in ["mandelbulb", "mandelbox"] {
         let (arena, pipeline) = pipeline(name, &settings);
         let rays = rays(&arena, &pipeline, settings.size);
-        let got = run(&gpu, &arena, &pipeline.march, &rays);
+        let got = run(&gpu, &arena, pipeline.kernel(Role::March), &rays);
         let got_ends: Vec<Status> = got[5].iter().map(|&code| Status::from_code(code)).collect();
         for precision in [Precision::F32, Precision::F64] {
-            let expected = run(&Cpu::new(precision), &arena, &pipeline.march, &rays);
+            let expected = run(&Cpu::new(precision), &arena, pipeline.kernel(Role::March), &rays);
             let (mut hits, mut same_end, mut close) = (0, 0, 0);
             for (i, &end) in got_ends.iter().enumerate() {
                 let expected_end = Status::from_code(expected[5][i]);
@@ -287,7 +287,7 @@ fn marches_that_nobody_watches_end_as_those_in_slices() {
     let settings = RenderSettings { size, estimate, plain: true, ..Default::default() };
     let (arena, pipeline) = pipeline("mandelbulb", &settings);
     let rays = gpu.upload(&rays(&arena, &pipeline, size)).expect("little memory");
-    let prepare = || gpu.prepare(&arena, &pipeline.march).expect("a legal kernel");
+    let prepare = || gpu.prepare(&arena, pipeline.kernel(Role::March)).expect("a legal kernel");
     let ends = |kernel: &GpuKernel| {
         let before = gpu.dispatches().count;
         let ends = gpu.run(kernel, &[&rays]).and_then(|ends| gpu.download(&ends)).expect("it runs");
@@ -298,7 +298,7 @@ fn marches_that_nobody_watches_end_as_those_in_slices() {
     let steps = Marched::COLUMNS.steps;
     let unfinished = in_slices[steps].iter().filter(|&&steps| steps > 800.0).count();
     assert!(unfinished > 100, "{unfinished} long rays");
-    let slices = &gpu.prepare(&arena, &pipeline.march).expect("a legal kernel").pipelines.slices;
+    let slices = &gpu.prepare(&arena, pipeline.kernel(Role::March)).expect("a legal kernel").pipelines.slices;
     // The longest rays in time, then only so long that some are left, then nothing for certain.
     for (price, step, is_watched) in [(1e-12, 1e-6, false), (1e-12, 9e-5, true), (1e-3, 1e-6, true)] {
         slices.know(price, step);
@@ -313,7 +313,7 @@ fn estimates_agree_with_the_cpu() {
     let Some(gpu) = gpu() else { return };
     for name in ["mandelbulb", "mandelbox"] {
         let (arena, pipeline) = pipeline(name, &RenderSettings::default());
-        let estimator = match &pipeline.march {
+        let estimator = match pipeline.kernel(Role::March) {
             Kernel::March(march) => march.estimator.clone(),
             _ => unreachable!("a pipeline marches with a march"),
         };

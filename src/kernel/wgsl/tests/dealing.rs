@@ -6,7 +6,7 @@ use naga::{BinaryOperator as Op, Expression, Function, Handle, Literal, MathFunc
 
 use super::pipeline;
 use crate::kernel::wgsl::{HANDS, STACK, validate, write};
-use crate::render::RenderSettings;
+use crate::render::{RenderSettings, Role};
 
 /// A straight-line function of whole numbers, and what it has called so far.
 struct Call<'a> {
@@ -69,7 +69,7 @@ impl Call<'_> {
 /// The module of a march.
 fn march() -> Module {
     let (arena, pipeline) = pipeline("mandelbulb", &RenderSettings::default());
-    validate(&write(&arena, &pipeline.march)).expect("it is legal").0
+    validate(&write(&arena, pipeline.kernel(Role::March))).expect("it is legal").0
 }
 
 fn function<'a>(module: &'a Module, name: &str) -> &'a Function {

@@ -11,13 +11,13 @@ use crate::kernel::cpu::compiled::instructions::{Form, InstructionSet};
 use crate::kernel::cpu::tapes::{OrbitTapes, Program};
 use crate::kernel::wgsl::tests::pipeline;
 use crate::math::Precision;
-use crate::render::RenderSettings;
+use crate::render::{RenderSettings, Role};
 
 /// The march of a built-in fractal with an estimate of this method.
 fn march(name: &str, method: Method) -> Program {
     let estimate = EstimateSettings { method: Some(method), ..Default::default() };
     let (arena, pipeline) = pipeline(name, &RenderSettings { estimate, ..Default::default() });
-    Program::new(&arena, &pipeline.march)
+    Program::new(&arena, pipeline.kernel(Role::March))
 }
 
 /// The orbit of a march that has one.
@@ -100,6 +100,6 @@ fn vectors_in_step_follow_state_and_waits() {
         }
     }
     let (arena, pipeline) = pipeline("mandelbox", &RenderSettings::default());
-    let camera = Program::new(&arena, &pipeline.camera_kernel);
+    let camera = Program::new(&arena, pipeline.kernel(Role::Camera));
     assert_eq!(Builder::written(&camera, Precision::F32, InstructionSet::Avx2).0.copies, 2, "no orbit waits");
 }
