@@ -37,7 +37,7 @@ fn dealt(card: u32, cards: u32) -> u32 {
 }
 
 /// Which of so many rays an invocation takes: neighbours stay together in stacks of $STACK, and stacks are dealt out. Software drivers
-/// give each of their threads one run of workgroups and wait for the last one, and parts of a picture are not equally dear.
+/// give each of their threads one run of workgroups and wait for the last one, and parts of a picture are not equally expensive.
 fn taken(place: u32, rays: u32) -> u32 {
     let stacks = rays / $STACKu;
     let stack = place / $STACKu;

@@ -92,7 +92,7 @@ fn legend() -> String {
     }
     format!(
         "\nA product and a sum in one (mul_add) are one operation. \"As written\" counts what the steps ask for, before anything is\n\
-         shared, simplified or fused. \"Products\" weighs dear operations by how many products they take:\n{}.\n",
+         shared, simplified or fused. \"Products\" weighs expensive operations by how many products they take:\n{}.\n",
         weights.join(", ")
     )
 }

@@ -249,7 +249,7 @@ pub(super) fn crosses_cut<'g>(y: Bounds<'g>, x: Bounds<'g>) -> Expr<'g> {
     y.lo.le(zero).and(zero.le(y.hi)).and(x.lo.le(zero))
 }
 
-/// The roots with other nodes in the place of some: everything is built again, so identities that meet now are used.
+/// The roots, with some nodes replaced. Everything is built again, so identities that now apply are used.
 pub fn substitute<'g>(arena: &'g Arena, roots: &[Expr<'g>], places: &[(Expr<'g>, Expr<'g>)]) -> Vec<Expr<'g>> {
     let mut built: HashMap<NodeId, Expr<'g>> = places.iter().map(|(from, to)| (from.id, *to)).collect();
     let ids: Vec<NodeId> = roots.iter().map(|r| r.id).collect();

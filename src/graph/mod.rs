@@ -168,7 +168,7 @@ pub enum NodeKind {
         /// Other map.
         otherwise: Option<NodeRef>,
     },
-    /// Maps by turns, each for some iterations.
+    /// Alternating maps, each for some iterations.
     Alternate(Vec<(NodeRef, u32)>),
     /// A map whose iterations add another constant than the orbit's.
     Item {

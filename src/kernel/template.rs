@@ -323,7 +323,7 @@ fn arguments(arena: &Arena, node: &Node) -> Vec<NodeId> {
     args
 }
 
-/// A kernel with uniforms in the place of some of its numbers.
+/// A kernel with uniforms instead of some of its numbers.
 fn with_uniforms(arena: &Arena, kernel: &Kernel, uniforms: &[Option<u16>]) -> Kernel {
     let mut rebuild = Rebuild { arena, left: uniforms };
     match kernel {

@@ -49,7 +49,7 @@ pub struct Shown {
     pub facts: Vec<(String, String)>,
 }
 
-// Okabe and Ito's colours (2008), which readers without full colour vision can tell apart, and greys.
+// Okabe and Ito's colours (2008), which readers without full colour vision can distinguish, and greys.
 const ORANGE: u32 = 0xe6_9f_00;
 const SKY: u32 = 0x56_b4_e9;
 const GREEN: u32 = 0x00_9e_73;

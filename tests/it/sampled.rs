@@ -7,7 +7,7 @@
 use bulbfold::formula::embedded::FRACTALS;
 
 /// One of each kind: logarithmic and linear, box and primitives, 3 and 4 components, conformal or not, Julia and Mandelbrot,
-/// orbits by turns and by ranges, several fields.
+/// alternating orbits and ranges, several fields.
 const KINDS: [&str; 13] = [
     "box_bulb",
     "bulb_on_floor",

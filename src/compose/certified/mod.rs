@@ -1,4 +1,4 @@
-//! Proofs in the place of estimates: orbits that carry a whole ball, or a segment of the ray, around the point.
+//! Proofs instead of estimates: orbits that carry a whole ball, or a segment of the ray, around the point.
 //!
 //! An orbit starts with a radius e0 that the march proposes. It carries the centre's orbit z and a factor l: the images
 //! of all points within s of the start, for any s up to e0, lie within l s of z. Where |z| - l s stays above the radius

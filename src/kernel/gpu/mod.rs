@@ -38,7 +38,7 @@ pub struct Gpu {
     trouble: Trouble,
     cache: pipelines::Cache,
     dispatches: Mutex<Dispatches>,
-    /// Commands that are handed over with the next ones that somebody waits for: handing over is dear, however few they are.
+    /// Commands that are submitted with the next ones that somebody waits for: a submission is expensive, however few they are.
     /// Locked after `turn`.
     pending: Mutex<Vec<wgpu::CommandBuffer>>,
     /// Held alone by the thread whose dispatch is being measured, and with others by those that hand over work.

@@ -249,7 +249,7 @@ impl Gpu {
             Some(steps) => {
                 self.add_passes(&mut encoder, march, &buffers, n, steps);
                 if steps == march.most {
-                    // The dearest kernels: the device begins at once.
+                    // The most expensive kernels: the device begins at once.
                     self.hand_over(encoder);
                     return Ok(());
                 }
