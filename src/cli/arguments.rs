@@ -65,11 +65,11 @@ impl PicturePrecision {
     }
 }
 
-/// How distances are estimated: a method, or what the file says, else the cheapest that fits.
+/// How distances are estimated: a method, or the file's, else the cheapest that is right.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct DeArg(pub Option<Method>);
 
-/// Final form of the estimate, or what the file says, else what the orbit's growth calls for.
+/// Final form of the estimate, or the file's, else the one that fits the orbit's growth.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct FormArg(pub Option<DeForm>);
 
@@ -91,7 +91,7 @@ impl ValueEnum for DeArg {
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
         Some(match self.0 {
-            None => PossibleValue::new(AUTO).help("what the file says, else the cheapest that fits"),
+            None => PossibleValue::new(AUTO).help("the file's, else the cheapest that is right"),
             Some(method) => PossibleValue::new(method.name()).help(method.summary()),
         })
     }
@@ -113,7 +113,7 @@ impl ValueEnum for FormArg {
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
         Some(match self.0 {
-            None => PossibleValue::new(AUTO).help("what the file says, else what the orbit's growth calls for"),
+            None => PossibleValue::new(AUTO).help("the file's, else the one that fits the orbit's growth"),
             Some(form) => PossibleValue::new(form.name()).help(form.summary()),
         })
     }

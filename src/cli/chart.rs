@@ -165,7 +165,7 @@ fn format_of(path: &Path) -> Result<Format, Failure> {
         "csv" => Ok(Format::Csv),
         _ => Err(usage(
             format!("the output {} must end in .svg, .png or .csv", path.display()),
-            "the ending says what is written: `-o NAME.svg`",
+            "the ending chooses the format: `-o NAME.svg`",
         )),
     }
 }

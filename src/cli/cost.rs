@@ -14,7 +14,7 @@ use bulbfold::render::Pipeline;
 const NAMES: usize = 34;
 
 /// What is said of the steps of a proof.
-const BARE_STEPS: &str = "Steps stand without the bounds that a proof carries: only what runs has them.\n";
+const BARE_STEPS: &str = "Steps are listed without the bounds that a proof carries; the running iteration has them.\n";
 
 /// The table of a picture's march. Errors are a step's.
 pub fn table(composer: &Composer, pipeline: &Pipeline) -> ComposeResult<String> {

@@ -92,7 +92,7 @@ pub fn step_page(session: &Session, step: &Step) -> Vec<Block> {
         StateWidth::Three => "x, y and z",
         StateWidth::Four => "x, y, z and w",
         StateWidth::Any => "all components that the orbit has",
-        StateWidth::Embeds => "x, y and z, of which it makes four components",
+        StateWidth::Embeds => "x, y and z; makes four components of them",
     };
     let growth = match step.growth {
         Some(Growth::Linear) => "by a factor",

@@ -132,7 +132,7 @@ pub fn refuse_plane(graph: &ValidGraph, what: &str) -> Result<(), Failure> {
         None => Ok(()),
         Some(_) => Err(usage(
             format!("{what} follows rays, and a picture of `{}` shows the points of a plane", graph.name),
-            "`bulbfold probe` gives the estimates of points, `bulbfold check` looks for what is wrong with a formula",
+            "`bulbfold probe` gives the estimates of points, `bulbfold check` searches a formula for faults",
         )),
     }
 }

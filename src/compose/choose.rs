@@ -257,7 +257,7 @@ fn choose_orbit(
         (None, false) => (Method::Gradient, "not every step states a scalar rule".to_string()),
         (None, true) if exact && !has_power => (Method::Scalar, "every step's scalar rule is exact".to_string()),
         (None, true) if has_power && !has_linear && !is_mixed(&steps) => {
-            (Method::Gradient, "a power alone: the exact gradient takes the fewest steps".to_string())
+            (Method::Gradient, "only a power: the exact gradient takes the fewest steps".to_string())
         }
         _ => (Method::Combined, "a hybrid: the smaller of the scalar rule and the exact gradient".to_string()),
     };
@@ -276,7 +276,10 @@ fn choose_orbit(
     }
     let form = match settings.form {
         Some(form) if orbit.settings.shape.is_some() => {
-            warnings.push(format!("the form `{}` does not apply: the orbit's end shape says what is in", form.name()));
+            warnings.push(format!(
+                "the form `{}` does not apply: the orbit's end shape decides what is inside",
+                form.name()
+            ));
             DeForm::End
         }
         None if orbit.settings.shape.is_some() => DeForm::End,
@@ -287,7 +290,7 @@ fn choose_orbit(
         }
         Some(form) if method.is_certified() && form.is_shape() => {
             let (form, method) = (form.name(), method.name());
-            warnings.push(format!("the form `{form}` does not apply: `{method}` goes by what escapes alone"));
+            warnings.push(format!("the form `{form}` does not apply: `{method}` works only for orbits that escape"));
             growth.form()
         }
         Some(form @ (DeForm::Box | DeForm::Plane)) if escape.is_convergence() => {
@@ -403,7 +406,7 @@ fn reach_of(
     let found = search(composer, choices)?;
     if found.reach == Reach::Endless {
         warnings.push(format!(
-            "the set goes on beyond {FAR} units, where rays end; write `bounding_radius` to end them elsewhere"
+            "the set reaches beyond {FAR} units, where rays end; write `bounding_radius` to end them elsewhere"
         ));
     }
     Ok(found)

@@ -220,7 +220,7 @@ impl<'a> Settling<'a> {
             None => "no free point was found around it".to_string(),
         };
         let at = shown(camera.position).replace(',', ", ");
-        let text = format!("the camera is inside of the set: no ray from ({at}) goes anywhere; {help}");
+        let text = format!("the camera is inside the set: every ray from ({at}) ends at once; {help}");
         observer.warn(Diagnostic::warning(text));
         Ok(true)
     }

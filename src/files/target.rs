@@ -223,5 +223,5 @@ fn open_pipe(path: &Path) -> io::Result<File> {
             }
         }
     }
-    Err(io::Error::other("it is a pipe that nobody reads"))
+    Err(io::Error::other("it is a pipe without a reader"))
 }

@@ -90,7 +90,7 @@ pub fn measure(
     let (points, wanted): (Vec<[f64; 3]>, Vec<f64>) =
         (0..points.len()).filter(|&i| usable(i)).map(|i| (points[i], out[0][i])).unzip();
     if points.is_empty() {
-        return Err(format!("no sampled ray of {} has a hit to stand in front of", subject.graph.name));
+        return Err(format!("no sampled ray of {} has a hit", subject.graph.name));
     }
     let steps: Vec<f64> = (DECADES.0 * PER_DECADE..=DECADES.1 * PER_DECADE)
         .map(|k| 10f64.powf(f64::from(k) / f64::from(PER_DECADE)))

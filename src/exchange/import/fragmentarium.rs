@@ -213,7 +213,7 @@ fn how_to_go_on(table: &Table, diagnostic: Diagnostic) -> Diagnostic {
     let known: Vec<String> = table.formulas.iter().map(|row| as_name(&row.name)).collect();
     diagnostic
         .help(format!("known formulas: {}", known.join(", ")))
-        .help("`--as NAME` takes the preset's values for one of them, whatever the code says")
+        .help("`--as NAME` takes the preset's values for one of them without reading the code")
         .help("to draw the shader's own formula, write it as a step: see docs/formulas.md")
 }
 

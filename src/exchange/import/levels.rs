@@ -65,7 +65,7 @@ pub fn pre(slots: &[Slot], alone: bool, is_mirrored: bool, lost: &mut Vec<Lost>)
             maps.extend(slot.expanded.pre.iter().map(String::as_str));
         } else {
             let what = format!("{} (slot {})", slot.row.name, slot.number);
-            let why = "what it does to the start point is left out beside other formulas".to_string();
+            let why = "its change of the start point is left out beside other formulas".to_string();
             lost.push(Lost { kind: LostKind::Shape, what, why });
         }
     }

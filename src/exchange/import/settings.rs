@@ -198,7 +198,7 @@ fn is_settings(text: &str) -> bool {
 fn not_settings(text: &str, sources: &Sources, id: SourceId) -> Diagnostic {
     let start = sources.span_at(id, 1, 1);
     if text.starts_with("Mandelbulber 1.") {
-        return Diagnostic::error("these are settings of Mandelbulber 1, whose form is another one")
+        return Diagnostic::error("these are settings of Mandelbulber 1, which have another form")
             .label(start, "only files of version 2 can be read")
             .help("open them in Mandelbulber 2 and save them again");
     }

@@ -95,7 +95,7 @@ pub fn read(settings: &mut Settings, d: &mut Diagnostics) -> Option<Node> {
     match nodes.len() {
         0 => {
             let message = "the tree of objects draws nothing";
-            d.push(Diagnostic::error(message).help("no `node_..._definition` stands at the top and holds a formula"));
+            d.push(Diagnostic::error(message).help("no `node_..._definition` at the top holds a formula"));
             None
         }
         1 => nodes.pop(),
