@@ -151,7 +151,7 @@ pub struct EstimateArgs {
 pub struct AutoArgs {
     #[command(flatten)]
     pub estimate: EstimateArgs,
-    /// Measure which estimate is the cheapest that keeps the error budget, or go by rules
+    /// Measure which estimate is the cheapest that keeps the error budget, or choose by rules
     #[arg(long, value_name = "on|off", default_value = "on", value_parser = parse_switch)]
     pub calibrate: Switch,
     /// What else it goes for: `proof` takes proven steps at any price

@@ -15,7 +15,7 @@ use super::calibrate_write;
 use super::calibration::{json, pasted, table};
 use super::{Outcome, Session, usage};
 
-/// What a choice that many pictures will go by is worth.
+/// The effort for a choice that many pictures will use.
 const EFFORT_OF_WRITING: f64 = 20.0;
 
 fn parse_effort(text: &str) -> Result<f64, String> {

@@ -85,7 +85,7 @@ fn find_step(session: &mut Session, path: &Path) -> Result<Option<Arc<Step>>, Fa
     Ok(session.library.step(&stem).cloned())
 }
 
-/// What a step's file says of it.
+/// The facts in a step's file.
 pub fn step_page(session: &Session, step: &Step) -> Vec<Block> {
     let mut blocks = vec![Block::Heading(1, step.name.clone()), Block::Text(step.summary.clone())];
     let state = match step.state {

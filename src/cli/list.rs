@@ -1,6 +1,6 @@
 //! `bulbfold list`: steps, fractals and scripts by group, and the search for those with some properties.
 //!
-//! Properties come from the files and graphs themselves: what keeps angles is measured, what estimates apply is asked of
+//! Properties come from the files and graphs themselves: conformal steps are measured, methods that apply come from
 //! the composer.
 
 use std::collections::BTreeMap;
@@ -169,7 +169,7 @@ fn parse_years(text: &str) -> Result<(u32, u32), String> {
     }
 }
 
-/// A group that nothing is in is a mistake, told with the closest one.
+/// An empty group is a mistake; the message names the closest one.
 fn check_group(arguments: &Arguments, all: &[Entry]) -> Result<(), Failure> {
     let Some(group) = &arguments.group else { return Ok(()) };
     let mut groups: Vec<&str> =

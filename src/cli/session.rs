@@ -76,7 +76,7 @@ impl Session {
         Ok(graph)
     }
 
-    /// Loads a fractal that has been loaded with other settings: warnings are not told again.
+    /// Loads a fractal that has been loaded with other settings, without repeating warnings.
     pub fn load_again(&mut self, what: &Path, set: &[(String, String)]) -> Result<Loaded, Failure> {
         let mut d = Diagnostics::default();
         let loaded = load(&mut self.library, what, set, &mut d);

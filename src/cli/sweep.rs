@@ -147,7 +147,7 @@ pub fn run(
     Ok(())
 }
 
-/// What each frame shows. All are read before anything is rendered, so that a value out of range is told at once.
+/// What each frame shows. All are read before anything is rendered, so that a value out of range is reported at once.
 fn moved(session: &mut Session, arguments: &Arguments, sweep: &SweepArgs, frames: u32) -> Result<Vec<Frame>, Failure> {
     let mut moved = Vec::new();
     for frame in 0..frames {
@@ -264,7 +264,7 @@ impl Work for SweepJob<'_> {
     }
 }
 
-/// What there is to tell of all frames.
+/// The statistics of all frames.
 struct Report<'a> {
     backend: String,
     composing: Duration,

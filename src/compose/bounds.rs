@@ -241,7 +241,7 @@ impl Search {
         search
     }
 
-    /// What the proofs at many points say of the symmetry.
+    /// The symmetry that proofs at many points show.
     fn symmetry(&mut self) -> Symmetry {
         // Spread evenly over a cube by the sequence of R. Roberts.
         let point = |i: usize| {

@@ -182,7 +182,7 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     Ok(Plan { choices, bounding_radius, reach, members, fudge, least_step, stop_at, difference_step, warnings })
 }
 
-/// Measures what a choice says of the set: its extent, and what may be trusted.
+/// Measures the set for a choice: its extent, and which results can be trusted.
 fn measure_set(composer: &Composer, orbit: &FieldOrbit, choice: &mut Choice) -> ComposeResult<()> {
     choice.extent = measure_extent(composer, orbit)?;
     if !choice.form.is_shape() {

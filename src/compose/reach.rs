@@ -7,7 +7,7 @@
 //!
 //! - What is left unproven reaches little further than members do: the radius is that of what is left, and it is **proven**.
 //! - Proofs do not apply, or get stuck: the radius is that of the farthest member seen, with a [`MARGIN`]. A sampled extreme is a
-//!   guess, so it is told as one ([`Reach::Sampled`]).
+//!   guess, and is reported as one ([`Reach::Sampled`]).
 //!
 //! Members in the outermost octave mean that the set goes on beyond what is searched ([`Reach::Endless`]).
 //!
@@ -379,7 +379,7 @@ impl Search {
         false
     }
 
-    /// Whether proofs clear much where nothing is seen: asked of a few small cubes, since a search takes thousands.
+    /// Whether proofs clear much empty space: tried on a few small cubes, because a search takes thousands.
     fn proofs_get_somewhere(&mut self) -> bool {
         let far = self.left().min(TRIED * self.farthest.max(NEAR));
         let is_tried = |cube: &&Cube| cube.inner() > GOOD * self.farthest && cube.outer() <= far;

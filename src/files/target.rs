@@ -58,7 +58,7 @@ impl FileId {
 impl Target {
     /// Looks at what a name leads to; `-` is stdout. Pipes and devices are opened at once.
     ///
-    /// Errors: what the system says; a folder, a block device, a socket, a file that may not be written to, a pipe that nobody reads,
+    /// Errors: what the system says; a folder, a block device, a socket, a file that may not be written to, a pipe without a reader,
     /// a link that another user has put into a folder of everybody.
     pub fn of(given: &Path) -> io::Result<Target> {
         let kind = match given.as_os_str() == STDOUT {

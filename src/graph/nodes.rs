@@ -270,7 +270,7 @@ impl Reader<'_> {
         kind
     }
 
-    /// Makes a node of parts that may be missing, once all its fields were read and their errors told.
+    /// Makes a node of parts that may be missing, after all its fields were read and their errors reported.
     fn build(&self, make: impl FnOnce() -> Kind) -> Kind {
         make()
     }

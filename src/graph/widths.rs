@@ -28,7 +28,7 @@ impl Graph {
     }
 }
 
-/// Checks what a node's settings say of the state.
+/// Checks a node's settings against the width of the state.
 pub(super) fn check_node(graph: &Graph, node: &Node, d: &mut Diagnostics) {
     match &node.kind {
         NodeKind::Orbit { of, settings } => {

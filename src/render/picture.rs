@@ -20,7 +20,7 @@ enum Halt {
 }
 
 impl<B: Backend> Renderer<'_, B> {
-    /// Renders the whole picture into memory. `progress` is told the share that is done and returns false to stop.
+    /// Renders the whole picture into memory. `progress` receives the share that is done and returns false to stop.
     pub fn render(&mut self, progress: &mut Progress) -> Result<Option<Image>, BackendError> {
         let mut image = Image { size: self.size, rgb: Vec::new() };
         let mut sink = |mut rows: Vec<u8>| {

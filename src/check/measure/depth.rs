@@ -56,7 +56,7 @@ impl Depths {
 }
 
 /// Marches towards a surface point of the view at zooms from 1 to 10^`decades`. Errors where nothing is hit, and those of
-/// back ends. `progress` is told the share that is done.
+/// back ends. `progress` receives the share that is done.
 pub fn measure(
     subject: &Subject,
     (view, truths): (&View, &Truths),

@@ -66,7 +66,7 @@ impl View {
     }
 }
 
-/// Finds the truth of a view's rays by brute force, in f64. `progress` is told the share that is done.
+/// Finds the truth of a view's rays by brute force, in f64. `progress` receives the share that is done.
 pub fn find_truths(subject: &Subject, view: &View, progress: &mut dyn FnMut(f64)) -> Result<Truths, String> {
     let mut told = |share: f64| {
         progress(share);
@@ -92,7 +92,7 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// What is asked of the composer.
+    /// The settings for the composer.
     pub fn settings(&self) -> EstimateSettings {
         EstimateSettings {
             method: self.method,

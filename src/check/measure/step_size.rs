@@ -60,7 +60,7 @@ pub struct StepSizes {
 }
 
 /// Compares the estimate of `delta` with the exact gradient's. Errors where the formula has no exact gradient or no hits, and
-/// those of back ends. `progress` is told the share that is done.
+/// those of back ends. `progress` receives the share that is done.
 pub fn measure(
     subject: &Subject,
     truths: &Truths,

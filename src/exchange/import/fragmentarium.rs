@@ -83,7 +83,7 @@ const TRACER: &[&str] = &[
     "ShadowOnly",
 ];
 
-/// What the user says of a shader.
+/// The user's options for a shader.
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Request<'a> {
     /// Name of the preset whose values are taken.

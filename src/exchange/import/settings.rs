@@ -24,7 +24,7 @@ pub struct Entry {
     pub script: String,
     /// Place of the value.
     pub span: Span,
-    /// Why the line cannot be read; told where something asks for the setting.
+    /// Why the line cannot be read; reported if the setting is needed.
     pub broken: Option<Box<Diagnostic>>,
 }
 
@@ -169,7 +169,7 @@ impl Section {
         true
     }
 
-    /// Lines that nobody has asked for.
+    /// Lines that were not read.
     pub fn unasked(&self) -> impl Iterator<Item = &Entry> {
         self.entries.iter().filter(|entry| !self.asked.borrow().contains(&entry.name))
     }

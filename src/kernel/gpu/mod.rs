@@ -68,7 +68,7 @@ pub struct GpuColumns {
     len: usize,
 }
 
-/// What went wrong outside any call: the first error, told once, or for ever when the device is lost.
+/// What went wrong outside any call: the first error, reported once, or always if the device is lost.
 #[derive(Clone, Default)]
 struct Trouble(Arc<Mutex<Option<BackendError>>>);
 
@@ -224,7 +224,7 @@ impl Gpu {
         Ok(result)
     }
 
-    /// Takes commands that nobody waits for.
+    /// Takes commands without waiting for them.
     fn add(&self, encoder: wgpu::CommandEncoder) {
         let commands = encoder.finish();
         self.pending.lock().unwrap_or_else(PoisonError::into_inner).push(commands);

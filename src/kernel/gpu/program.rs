@@ -333,7 +333,7 @@ impl Gpu {
     }
 }
 
-/// Steps of the passes of a march that nobody waits for: most rays end in the first, and few are left for the last.
+/// Steps of the passes of a march without waits: most rays end in the first, and few are left for the last.
 const PASSES: [u32; 3] = [48, 192, u32::MAX];
 
 /// Bytes at the head of a list: how many rays go on, and the estimates that were counted.
