@@ -178,7 +178,7 @@ pub struct Calibration {
     pub is_within: bool,
     /// Rows of the picture that it is for.
     pub rows: u32,
-    /// Candidates in the order in which they were tried; empty where nothing was measured.
+    /// Candidates in the order in which they were tried; empty if nothing was measured.
     pub evidence: Vec<Row>,
     /// Rays with a settled truth, and those of them that hit.
     pub rays: [usize; 2],

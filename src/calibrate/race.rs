@@ -240,7 +240,7 @@ impl<'a> Race<'a> {
         nothing
     }
 
-    /// Lets the best candidate march more rays where few of its hits are known; false where there is nothing to confirm.
+    /// Lets the best candidate march more rays where few of its hits are known; false if there is nothing to confirm.
     fn confirm(&mut self) -> bool {
         let Some(best) = self.best() else { return false };
         let count = self.tried[best].seen.len();
@@ -302,7 +302,7 @@ impl<'a> Race<'a> {
         self.meter.left(if self.best().is_some_and(is_fair) { 1.0 } else { PATIENCE })
     }
 
-    /// What a better choice than those that were tried costs at most; `None` where none keeps the budget.
+    /// What a better choice than those that were tried costs at most; `None` if none keeps the budget.
     fn price_limit(&self) -> Option<f64> {
         let (mut seen, mut shown) = (f64::INFINITY, f64::INFINITY);
         for tried in &self.tried {

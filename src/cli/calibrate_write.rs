@@ -124,7 +124,7 @@ fn write_one(arguments: &Arguments, session: &mut Session, path: &Path) -> Resul
 }
 
 /// The new text of a file and the calibration behind it: the first, by growing strictness, that passes the check of
-/// `bulbfold test`. `None` where the formula has no orbits.
+/// `bulbfold test`. `None` if the formula has no orbits.
 fn settle(
     arguments: &Arguments,
     session: &mut Session,

@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     }
 }
 
-/// The step of that file or name, where it is one; nothing where it is a formula.
+/// The step of that file or name, where it is one; nothing if it is a formula.
 fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Arc<Step>>, Failure> {
     let path = formula.file.as_path();
     let text = match path.extension().is_some_and(|e| e == "rhai") && path.is_file() {

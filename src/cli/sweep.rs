@@ -43,7 +43,7 @@ pub struct SweepArgs {
 const VIEW: [&str; 5] = ["camera", "target", "up", "fov", "turn"];
 
 impl SweepArgs {
-    /// How many frames there are; none where a single picture is asked for.
+    /// How many frames there are; none if a single picture is asked for.
     pub fn frames(&self) -> Result<Option<u32>, Failure> {
         let Some(first) = self.ranges.first() else { return Ok(None) };
         let listed = self.ranges.iter().find_map(|range| Some((range.name.as_str(), range.frames()?)));

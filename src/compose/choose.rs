@@ -26,7 +26,7 @@ pub struct Choice {
     pub radius: f64,
     /// Unit normal of the plane form.
     pub axis: [f64; 3],
-    /// Power by which r grows in one iteration, on average over a cycle; 1 where it grows by a factor.
+    /// Power by which r grows in one iteration, on average over a cycle; 1 if it grows by a factor.
     pub power: f64,
     /// What finite differences are taken of; `None` follows method and form.
     pub difference: Option<Difference>,
@@ -34,11 +34,11 @@ pub struct Choice {
     pub fudge: f64,
     /// Whether the orbit can be differentiated; normals need finite differences where it cannot.
     pub differentiable: bool,
-    /// Whether the scalar rules grow as fast as orbits do, as measured; false where not every step has one.
+    /// Whether the scalar rules grow as fast as orbits do, as measured; false if not every step has one.
     pub tight: bool,
     /// Whether orbits may end at the footprint, as measured: members of the set are within the threshold then.
     pub ends: bool,
-    /// Whether rays stop at a threshold: the field then says 0 where it does not know that something is within it.
+    /// Whether rays stop at a threshold: the field then says 0 if it does not know that something is within it.
     pub stops: bool,
     /// Radius of a ball around the orbit's own origin that holds the set, as measured.
     pub extent: f64,
@@ -85,7 +85,7 @@ pub struct Plan {
     pub bounding_radius: f64,
     /// How that is known.
     pub reach: Reach,
-    /// How far out the farthest member was seen; 0 where none was looked for.
+    /// How far out the farthest member was seen; 0 if none was looked for.
     pub members: f64,
     /// Step multiplier of the whole field.
     pub fudge: f64,
@@ -100,7 +100,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// True where every orbit is certified: the march then proposes how far a proof is to reach.
+    /// True if every orbit is certified: the march then proposes how far a proof is to reach.
     pub fn is_certified(&self) -> bool {
         !self.choices.is_empty() && self.choices.iter().all(|c| c.method.is_certified())
     }
@@ -344,7 +344,7 @@ struct Facts {
 }
 
 impl Facts {
-    /// Why a method does not apply; `None` where it does.
+    /// Why a method does not apply; `None` if it does.
     fn why_not(&self, method: Method) -> Option<String> {
         let no_rules = || Some("not every step states a scalar rule".to_string());
         if let (Some(step), true) = (&self.remembers, method.is_certified()) {
@@ -412,7 +412,7 @@ fn reach_of(
     Ok(found)
 }
 
-/// True where a field is made of primitives and their unions alone, so that its size is known.
+/// True if a field is made of primitives and their unions alone, so that its size is known.
 fn is_made_of_primitives(composer: &Composer) -> bool {
     let mut open = vec![composer.graph.output];
     let mut seen = vec![false; composer.graph.nodes.len()];

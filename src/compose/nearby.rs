@@ -91,7 +91,7 @@ pub(super) fn measure_ends(composer: &Composer, orbit: &FieldOrbit, choice: &Cho
     Ok(all > 0)
 }
 
-/// Whether rays may stop where the estimate is below a threshold, in units of the orbit's own frame; `None` where it is
+/// Whether rays may stop where the estimate is below a threshold, in units of the orbit's own frame; `None` if it is
 /// as large as a pixel, whatever that is.
 pub(super) fn measure_stops(
     composer: &Composer,

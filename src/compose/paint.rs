@@ -1,6 +1,6 @@
 //! Traps of orbits, and the colours that they blend.
 //!
-//! A trap is a number that an orbit carries for the picture's surface: 0 where it is caught best, which shows its colour in full.
+//! A trap is a number that an orbit carries for the picture's surface: 0 if it is caught best, which shows its colour in full.
 
 use super::orbit::OrbitBuilder;
 use crate::expr::{Arena, Expr, Type};

@@ -40,7 +40,7 @@ pub(super) struct Place {
 pub struct FileId(#[cfg(unix)] (u64, u64), #[cfg(not(unix))] PathBuf);
 
 impl FileId {
-    /// The file behind a name and its links; `None` where there is none.
+    /// The file behind a name and its links; `None` if there is none.
     pub fn of(path: &Path) -> Option<FileId> {
         #[cfg(unix)]
         return std::fs::metadata(path).ok().map(|data| FileId::from(&data));

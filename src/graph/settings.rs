@@ -6,7 +6,7 @@ use super::NodeRef;
 use super::escape::Escape;
 use crate::diag::Span;
 
-/// Which constant is added after each iteration. Fixed ones have a fourth component, which is 0 where the state has three.
+/// Which constant is added after each iteration. Fixed ones have a fourth component, which is 0 if the state has three.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Constant {
     /// The point.

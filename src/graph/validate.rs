@@ -358,7 +358,7 @@ impl ValidGraph {
 }
 
 impl Graph {
-    /// True where a map makes a state of four components of three.
+    /// True if a map makes a state of four components of three.
     pub fn embeds(&self, root: NodeRef) -> bool {
         self.any_step(root, |step| step.state == StateWidth::Embeds)
     }

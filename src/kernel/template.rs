@@ -197,7 +197,7 @@ impl<P> KeptKernel<P> {
         self.shape.get_or_insert_with(|| Shape::new(&self.arena, &self.kernel))
     }
 
-    /// Compiles the kernel again where numbers differ from its own that have not moved before; true where it did.
+    /// Compiles the kernel again where numbers differ from its own that have not moved before; true if it did.
     fn follow<B: Backend<Prepared = P>>(&mut self, backend: &B, numbers: &[f64]) -> Result<bool, BackendError> {
         let own = self.shape().numbers.clone();
         self.moves.resize(own.len(), false);

@@ -44,7 +44,7 @@ pub struct Depths {
 }
 
 impl Depths {
-    /// The largest zoom up to which a target's median error stays within [`GOOD`] footprints; nothing where the first one
+    /// The largest zoom up to which a target's median error stays within [`GOOD`] footprints; nothing if the first one
     /// exceeds it already.
     pub fn end_of(&self, target: Target) -> Option<f64> {
         let good = |errors: &&DepthErrors| {

@@ -79,7 +79,7 @@ pub fn find_truths(subject: &Subject, view: &View, progress: &mut dyn FnMut(f64)
 /// One way of estimating distances.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Candidate {
-    /// Method of every orbit that it applies to; `None` where there is none to choose, as for primitives.
+    /// Method of every orbit that it applies to; `None` if there is none to choose, as for primitives.
     pub method: Option<Method>,
     /// Form of the estimate; `None` takes what the orbit's growth calls for.
     pub form: Option<DeForm>,

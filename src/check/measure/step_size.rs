@@ -40,7 +40,7 @@ pub struct StepCurve {
 }
 
 impl StepCurve {
-    /// The widest run of steps whose median error is at most [`USABLE`]; nothing where no step is.
+    /// The widest run of steps whose median error is at most [`USABLE`]; nothing if no step is.
     pub fn window(&self) -> Option<(f64, f64)> {
         let runs = self.errors.split(|e| e.median > USABLE).filter(|run| !run.is_empty());
         let longest = runs.max_by_key(|run| run.len())?;

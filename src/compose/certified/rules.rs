@@ -230,7 +230,7 @@ impl<'a> Tracer<'a, '_> {
         Ok((traced.z, traced.dr))
     }
 
-    /// A rule of the step's file, at least 1 where the step leaves w alone.
+    /// A rule of the step's file, at least 1 if the step leaves w alone.
     fn number(&self, function: &str) -> Result<Option<Expr<'a>>, Diagnostic> {
         let number = self.traced_number(function, &[self.inputs.z, self.inputs.e])?;
         Ok(number.map(|number| self.with_w(number)))

@@ -293,7 +293,7 @@ fn constant(row: &Row, shader: &Shader, d: &mut Diagnostics) -> String {
     }
 }
 
-/// The camera of the preset; none where it has no eye.
+/// The camera of the preset; none if it has no eye.
 fn camera(shader: &Shader, d: &mut Diagnostics) -> Option<Camera> {
     let fov = shader.number("FOV", 0.4, d);
     let position = shader.vector("Eye", [0.0, 0.0, -5.0], d);

@@ -7,7 +7,7 @@ use super::{Lost, LostKind};
 /// More separate stretches of levels than this would make rays crawl.
 const MOST_RUNS: usize = 12;
 
-/// The node of all shapes that the slots look up in their turns; none where no slot has one. `turns` says which slot runs at
+/// The node of all shapes that the slots look up in their turns; none if no slot has one. `turns` says which slot runs at
 /// each iteration, `of` is the map's wire, `fields` are what the orbits have in common.
 pub fn node(slots: &[&Slot], turns: &[usize], (of, fields): (&str, &str), lost: &mut Vec<Lost>) -> Option<String> {
     let mut nodes = Vec::new();

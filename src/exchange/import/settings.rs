@@ -53,9 +53,9 @@ pub struct Settings {
 /// A version of the program.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Version {
-    /// As the file states it; empty where it does not.
+    /// As the file states it; empty if it does not.
     pub text: String,
-    /// As a number, such as 2.35; 0 where the file states none, as the program takes it.
+    /// As a number, such as 2.35; 0 if the file states none, as the program takes it.
     pub number: f64,
     /// Its place.
     pub span: Span,

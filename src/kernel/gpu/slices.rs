@@ -97,7 +97,7 @@ impl Slices {
     }
 
     /// Steps that a march of so many rays, each of up to `most` steps, may go without being watched: it ends in time whatever
-    /// the rays are. `None` where that is not sure.
+    /// the rays are. `None` if that is not sure.
     pub(super) fn unwatched(&self, rays: u32, most: u32) -> Option<u32> {
         let learnt = self.learnt();
         let in_time = TOO_LONG.as_secs_f64();

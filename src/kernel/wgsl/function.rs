@@ -19,7 +19,7 @@ pub(super) type Helpers = BTreeSet<(String, u8)>;
 #[derive(Clone)]
 struct Text {
     text: String,
-    /// True where it can stand as an operand without parentheses.
+    /// True if it can stand as an operand without parentheses.
     is_atom: bool,
 }
 
