@@ -1,5 +1,5 @@
 // Rays marched in slices: each dispatch advances all rays, or those of a list, by at most `call.slice` steps and lists those
-// that still run. The state of a ray is its output columns. Twin: `run_march` in src/kernel/cpu.rs.
+// that still run. The state of a ray is its output columns. Twin: `run_march` in src/kernel/cpu/march.rs.
 
 struct Running {
     count: atomic<u32>,

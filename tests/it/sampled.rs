@@ -1,7 +1,7 @@
 //! Which built-in fractals tests run on whose time would grow with the library.
 //!
 //! What every fractal must keep by itself (its own tests, agreement of back ends, its calibrated estimate) is tested for all
-//! of them by `bulbfold test` in tests/formulas.rs. What is a property of the program, and not of a fractal, is tested on
+//! of them by `bulbfold test` in tests/it/formulas.rs. What is a property of the program, and not of a fractal, is tested on
 //! one fractal of each kind and on others spread over the list.
 
 use bulbfold::formula::embedded::FRACTALS;

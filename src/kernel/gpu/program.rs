@@ -233,7 +233,7 @@ impl Gpu {
     }
 
     /// Marches until no ray runs or steps have run out: without waiting where that is short for certain, else in slices. Twin:
-    /// `run_march` in `kernel/cpu.rs`.
+    /// `run_march` in `kernel/cpu/march.rs`.
     fn run_march(
         &self,
         mut encoder: wgpu::CommandEncoder,
