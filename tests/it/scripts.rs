@@ -205,7 +205,7 @@ fn reserved_words_are_named() {
     let word = "`loop` is a reserved word of the script language";
     expect_all(&message("a.rhai", "let loop = box_fold();\nloop\n", ""), &[word, "a.rhai:1:5"]);
     let key = "#{ nodes: #{ loop: box_fold() }, output: \"loop\" }";
-    expect_all(&message("a.rhai", key, ""), &[word, "a.rhai:1:14", "it stands in quotes: \"loop\": ..."]);
+    expect_all(&message("a.rhai", key, ""), &[word, "a.rhai:1:14", "write it in quotes: \"loop\": ..."]);
     expect_all(
         &message("a.ron", USES, "fn step(z, c, p) {\n    let if = z;\n    if\n}\n#{}\n"),
         &["`if` is a reserved word"],
