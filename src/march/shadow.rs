@@ -1,4 +1,4 @@
-//! The march of rays towards the sun, of which nobody asks but whether they hit.
+//! The march of rays towards the sun, which only need to know whether they hit.
 //!
 //! It does not bisect, its walk is as coarse as the default even where primary rays need a finer one, its threshold is twice
 //! theirs, and it ends where the set is near enough to hide a good part of the sun's disc, which a point at
