@@ -27,8 +27,8 @@ const COARSER: f64 = 2.0;
 /// Hit thresholds in front of its start that such a ray has no need to look at.
 pub const SKIPPED: f64 = 4.0;
 
-/// The plan of the shadow rays of a plan's rays: what is seen is proven, what shades it is estimated, since nobody asks of a
-/// shadow's edge whether a hair is missing. Proofs along shadow rays took up to a third of a picture's time.
+/// The plan of the shadow rays of a plan's rays: what is seen is proven, what shades it is estimated, because a missing hair
+/// does not show at a shadow's edge. Proofs along shadow rays took up to a third of a picture's time.
 pub fn shadow_plan(plan: &Plan) -> Plan {
     let mut plan = plan.clone();
     if !plan.is_certified() {
