@@ -320,7 +320,7 @@ fn a_camera_is_set_where_the_file_has_none() {
             "-o",
             name,
         ];
-        let output = bulbfold(folder.path(), &[&small[..], more].concat());
+        let output = bulbfold(folder.path(), [&small[..], more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         std::fs::read(folder.path().join(name)).expect("a picture")
     };
@@ -338,7 +338,7 @@ fn sweeps_take_lists_paths_and_whole_numbers() {
     let sweep = |more: &[&str]| {
         let small =
             ["render", "a.rhai", "--size", "4x3", "--samples", "1", "--calibrate", "off", "--backend", "cpu", "-q"];
-        bulbfold(folder.path(), &[&small[..], more].concat())
+        bulbfold(folder.path(), [&small[..], more].concat())
     };
     let files = |prefix: &str| {
         let names = std::fs::read_dir(folder.path()).expect("the folder").flatten().map(|e| e.file_name());
