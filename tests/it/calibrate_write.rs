@@ -98,7 +98,7 @@ const WITHOUT_ORBIT: [&str; 4] = ["cabinet_of_shapes", "chain_and_heart", "torus
 #[test]
 fn built_in_fractals_carry_their_estimate_and_have_a_row_of_truth() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let page = std::fs::read_to_string(root.join("docs/defaults.md")).expect("scripts/defaults.sh wrote it");
+    let page = std::fs::read_to_string(root.join("docs/lab/defaults.md")).expect("scripts/defaults.sh wrote it");
     let mut seen = 0;
     for entry in std::fs::read_dir(root.join("formulas/fractals")).unwrap() {
         let path = entry.unwrap().path();
