@@ -4,7 +4,7 @@
 //! hand-written forms run over the same vectors, one or two or four of them in step, and the fastest counts. The processor's
 //! peak is measured beside them: independent chains of multiply-adds. A share of it is operations of the formula's
 //! graph (each sum, product, comparison, quotient, root or choice of a component is one, a multiply-add two) for all
-//! points and iterations, against two a multiply-add. Times are the least of several, taken by turns.
+//! points and iterations, against two a multiply-add. Times are the least of several alternating runs.
 
 use std::hint::black_box;
 use std::sync::Arc;

@@ -4,7 +4,7 @@
   scripts/performance.py --scenes DIR [--runs 5] [--threads 2] [--only REGEX] [--results FILE] [--write docs/lab/comparison.md]
 
 DIR holds Mandelbulber's settings (NAME.fract) for the views of benches/scenes/NAME.ron. What is not installed is left
-out, and the table says so. All programs run by turns, so that a slow moment of the machine hits each of them; the fastest
+out, and the table says so. The programs alternate, so that a slow moment of the machine hits each of them; the fastest
 and the median of the runs are kept. "Without start-up" takes off what the same program needs for a picture of 8 x 6 pixels.
 Results are merged into --results, so that long comparisons can be made scene by scene. Pillow and NumPy, where installed,
 compare the pictures.
@@ -256,7 +256,7 @@ def tables(results):
 
 
 def merge(path, new):
-    """Results of a file with the new ones in the place of older ones of the same scene, in the order of the cases."""
+    """Results of a file in which the new ones replace older ones of the same scene, in the order of the cases."""
     known = {}
     if path and os.path.exists(path):
         with open(path) as file:

@@ -2,7 +2,7 @@
 """Judges what `render` chooses by itself for random graphs, by rays that are walked by brute force.
 
     python3 scripts/random_graphs.py 1..300 -d graphs
-    python3 scripts/random_table.py graphs --size 160x120 --markdown docs/random.md
+    python3 scripts/random_table.py graphs --size 160x120 --markdown docs/lab/random.md
 
 Each graph is rendered with defaults; then `truth` walks other rays of the same view and marches them as the picture did. Graphs
 whose view hits nothing are counted and left out. With --price every method and several step multipliers are marched too; the

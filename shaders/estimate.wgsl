@@ -1,4 +1,4 @@
-// All orbits at a point, joined. Twin: `estimate` in src/kernel/cpu.rs.
+// All orbits at a point, joined. Twin: `estimate` in src/kernel/cpu/estimate.rs.
 
 struct Estimate {
     result: $COMBINE_out,

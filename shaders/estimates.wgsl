@@ -1,4 +1,4 @@
-// An estimate at each element. Twin: `run_estimates` in src/kernel/cpu.rs.
+// An estimate at each element. Twin: `run_estimates` in src/kernel/cpu/estimate.rs.
 
 @compute @workgroup_size($WORKGROUP)
 fn estimates(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -1,4 +1,4 @@
-// The orbit $ORBIT. Twin: `iterate` in src/kernel/cpu.rs.
+// The orbit $ORBIT. Twin: `iterate` in src/kernel/cpu/estimate.rs.
 
 struct $ORBIT_end {
     state: $STATE,

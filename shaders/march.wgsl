@@ -1,5 +1,5 @@
 // Rays marched in slices: each dispatch advances all rays, or those of a list, by at most `call.slice` steps and lists those
-// that still run. The state of a ray is its output columns. Twin: `run_march` in src/kernel/cpu.rs.
+// that still run. The state of a ray is its output columns. Twin: `run_march` in src/kernel/cpu/march.rs.
 
 struct Running {
     count: atomic<u32>,
@@ -37,7 +37,7 @@ fn dealt(card: u32, cards: u32) -> u32 {
 }
 
 /// Which of so many rays an invocation takes: neighbours stay together in stacks of $STACK, and stacks are dealt out. Software drivers
-/// give each of their threads one run of workgroups and wait for the last one, and parts of a picture are not equally dear.
+/// give each of their threads one run of workgroups and wait for the last one, and parts of a picture are not equally expensive.
 fn taken(place: u32, rays: u32) -> u32 {
     let stacks = rays / $STACKu;
     let stack = place / $STACKu;

@@ -1,7 +1,7 @@
 //! Many pictures with few kernels: the frames of an animation.
 //!
 //! In come the pipelines of all frames ([`Frames::add`]), each composed by itself. Kernels of the same role and structure are
-//! compiled once and told apart by their uniforms (see [`template`](crate::kernel::template)), so an animated camera or
+//! compiled once and differ in their uniforms (see [`template`](crate::kernel::template)), so an animated camera or
 //! parameter compiles nothing; a frame whose structure differs brings its own kernels, which [`FrameRenderer::compiled`] counts.
 
 use std::collections::BTreeMap;

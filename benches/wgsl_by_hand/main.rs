@@ -1,6 +1,6 @@
 //! Generated kernels against WGSL written by hand: the same march with the same estimates on the same rays and device.
 //!
-//! `cargo bench --bench wgsl_by_hand -- [ROUNDS] [WIDTHxHEIGHT]` runs both by turns and prints times, their ratio and how far the
+//! `cargo bench --bench wgsl_by_hand -- [ROUNDS] [WIDTHxHEIGHT]` alternates both and prints times, their ratio and how far the
 //! results agree. A fast device needs a larger size than the 640x480 rays that are the default.
 
 use std::sync::Arc;
@@ -94,7 +94,7 @@ fn pipeline(arena: &Arc<Arena>, name: &str, size: Size) -> Pipeline {
     compose_pipeline(&composer, &settings).expect("built-in fractals compose")
 }
 
-/// Runs both by turns.
+/// Alternates both.
 fn compare(name: &str, rounds: usize, gpu: &Gpu, generated: &GpuKernel, rays: &GpuColumns, by_hand: &ByHand) {
     let mut times = [const { Vec::new() }; 3];
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());

@@ -124,7 +124,7 @@ pub fn write(path: &Path, calibration: &Calibration) -> std::io::Result<()> {
     crate::files::write(path, format!("{text:#}\n").as_bytes())
 }
 
-/// Reads a file; nothing where it is missing or is not what [`write()`] writes.
+/// Reads a file; nothing if it is missing or is not what [`write()`] writes.
 pub fn read(path: &Path) -> Option<Entry> {
     parse(&read_text(path, MAX_TEXT, Chosen::Found).ok()?)
 }
@@ -156,7 +156,7 @@ fn candidate_json(candidate: &Candidate) -> Value {
 }
 
 /// A row as JSON: the candidate's fields, `missed` and `early` (shares), what they were counted of (`hits`, `stops`) and their
-/// bounds with 95 % confidence (`missed_bound`, `early_bound`), `error`, `estimates`, `cost` and `why_not` (null where it is
+/// bounds with 95 % confidence (`missed_bound`, `early_bound`), `error`, `estimates`, `cost` and `why_not` (null if it is
 /// chosen). Numbers that are not finite are null.
 pub fn row_json(row: &Row) -> Value {
     let mut value = candidate_json(&row.candidate);

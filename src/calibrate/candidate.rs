@@ -13,7 +13,7 @@ pub const LEAST_STEPS: [f64; 5] =
 /// One way of estimating distances and stepping by them.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Candidate {
-    /// Method of every orbit that it applies to and that fixes none; `None` where there is none to choose, as for primitives.
+    /// Method of every orbit that it applies to and that fixes none; `None` if there is none to choose, as for primitives.
     pub method: Option<Method>,
     /// Form; `None` is what the orbit's growth calls for.
     pub form: Option<DeForm>,
@@ -102,7 +102,7 @@ impl Space {
         Space { base, orbits, fixed, kinds, fudges, least_steps, wants_proof, unproven }
     }
 
-    /// True where nothing is left to choose.
+    /// True if nothing is left to choose.
     pub fn is_decided(&self) -> bool {
         self.kinds.len() == 1 && self.fudges.len() == 1 && self.least_steps.len() == 1
     }

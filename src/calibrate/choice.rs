@@ -22,7 +22,7 @@ const WEIGHT_OF_HOLES: f64 = 10.0;
 /// How much more expensive than the cheapest that is only seen to keep the budget one of them may be that misses less.
 const LUCK: f64 = 1.6;
 
-/// What the choice goes by besides the evidence.
+/// What the choice depends on besides the evidence.
 #[derive(Clone, Copy)]
 pub(super) struct Terms<'a> {
     pub budget: &'a Budget,

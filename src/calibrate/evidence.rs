@@ -125,7 +125,7 @@ impl Tally {
         !is_out && !is_shown
     }
 
-    /// What a price is multiplied by for what is expected to be missed and early: rays that nobody looked at shall keep the budget,
+    /// What a price is multiplied by for expected misses and early stops: rays that were not measured shall keep the budget,
     /// too, and who keeps it narrowly breaks it on many of them.
     pub fn risk(&self, budget: &Budget) -> f64 {
         let missed = self.missed.expected() / budget.missed.max(1e-9);

@@ -4,7 +4,7 @@
 //! settings, the plan that they make, and the evidence, a [`Row`] for every candidate that was tried. A few hundred rays
 //! of the view are walked by brute force, which is the truth; then candidates (method, form, step multiplier, shortest
 //! step) march them and others, the cheapest first, until one is shown to stay inside the budget. Cost is counted in
-//! operations, and so is what a calibration itself may take: no clock has a say, and the same formula, view and settings give
+//! operations, and so is what a calibration itself may take: no clock is involved, and the same formula, view and settings give
 //! the same choice on every machine, under any load. Outcomes are kept in a [`cache`].
 //!
 //! ```
@@ -60,7 +60,7 @@ const MOST_RAYS: usize = 24_000;
 /// Estimates a ray from which on a choice is expensive.
 const EXPENSIVE: f64 = 200.0;
 
-/// What a calibration goes by.
+/// Settings of a calibration.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Options {
     /// Errors that are allowed.
@@ -178,7 +178,7 @@ pub struct Calibration {
     pub is_within: bool,
     /// Rows of the picture that it is for.
     pub rows: u32,
-    /// Candidates in the order in which they were tried; empty where nothing was measured.
+    /// Candidates in the order in which they were tried; empty if nothing was measured.
     pub evidence: Vec<Row>,
     /// Rays with a settled truth, and those of them that hit.
     pub rays: [usize; 2],
@@ -221,7 +221,7 @@ impl Calibration {
     }
 }
 
-/// Chooses for a formula and a view. `progress` is told the share that is done. Fails only where a step's script does.
+/// Chooses for a formula and a view. `progress` receives the share that is done. Fails only where a step's script does.
 pub fn calibrate(
     subject: &Subject,
     options: &Options,

@@ -33,7 +33,7 @@ const CONFIRMED_HITS: usize = 3000;
 /// Hits without a truth that candidates are first judged by, and the fewest and most rays for them.
 const FIRST_HITS: f64 = 800.0;
 const FIRST_RAYS: [usize; 2] = [500, 3000];
-/// Rays that a dear candidate marches at least.
+/// Rays that an expensive candidate marches at least.
 const LEAST_RAYS: usize = 96;
 /// Rays after which a candidate is given up that is out of the budget beyond doubt.
 const DOUBTFUL_RAYS: usize = 4 * LEAST_RAYS;
@@ -103,7 +103,7 @@ pub(super) struct Race<'a> {
     marching: Marching<'a>,
     meter: &'a mut Meter,
     sight: Sight<'a>,
-    /// Rays that every candidate marches if it is not too dear.
+    /// Rays that every candidate marches if it is not too expensive.
     first: usize,
     pilot: Pilot,
     open: Vec<Entry>,
@@ -185,7 +185,7 @@ impl<'a> Race<'a> {
         Ok(())
     }
 
-    /// Marches with the most careful candidates that are not too dear: they find the hits that the others may miss.
+    /// Marches with the most careful candidates that are not too expensive: they find the hits that the others may miss.
     fn look_carefully(&mut self) -> ComposeResult<()> {
         for candidate in self.space.careful() {
             let may_take = SHARE_OF_CAREFUL * self.meter.limit() / self.first as f64;
@@ -198,7 +198,7 @@ impl<'a> Race<'a> {
                     continue;
                 }
             }
-            // Estimates that are too dear for all rays still look at some.
+            // Estimates that are too expensive for all rays still march some.
             let affordable = (may_take / self.pilot.price.max(1e-9) * self.first as f64) as usize;
             let count = if is_proof { self.first } else { self.first.min(affordable.max(LEAST_RAYS)) };
             self.open.retain(|entry| entry.candidate != candidate);
@@ -240,7 +240,7 @@ impl<'a> Race<'a> {
         nothing
     }
 
-    /// Lets the best candidate march more rays where few of its hits are known; false where there is nothing to confirm.
+    /// Lets the best candidate march more rays where few of its hits are known; false if there is nothing to confirm.
     fn confirm(&mut self) -> bool {
         let Some(best) = self.best() else { return false };
         let count = self.tried[best].seen.len();
@@ -302,7 +302,7 @@ impl<'a> Race<'a> {
         self.meter.left(if self.best().is_some_and(is_fair) { 1.0 } else { PATIENCE })
     }
 
-    /// What a better choice than those that were tried costs at most; `None` where none keeps the budget.
+    /// What a better choice than those that were tried costs at most; `None` if none keeps the budget.
     fn price_limit(&self) -> Option<f64> {
         let (mut seen, mut shown) = (f64::INFINITY, f64::INFINITY);
         for tried in &self.tried {
@@ -327,7 +327,7 @@ impl<'a> Race<'a> {
         if is_too_expensive {
             let name = entry.candidate.name();
             self.notes.push(format!(
-                "{name}: about {:.1} times the rules' price, too dear to be tried",
+                "{name}: about {:.1} times the rules' price, too expensive to try",
                 entry.expected / self.pilot.price
             ));
         }

@@ -29,14 +29,14 @@ const BEFORE: [&str; 11] = [
     "bounding_radius",
 ];
 
-/// The text of a subject's file without the outcome of an earlier calibration, for another one. `None` where it has none.
+/// The text of a subject's file without the outcome of an earlier calibration, for another one. `None` if it has none.
 pub fn without_outcome(subject: &Subject, text: SourceId) -> Option<String> {
     let is_calibrated =
         field_orbits(&subject.composer()).iter().any(|orbit| orbit.settings.estimate.calibrated.is_some());
     is_calibrated.then(|| changed(subject, text, Vec::new)).flatten()
 }
 
-/// The text of a subject's file with the outcome of a calibration. `None` where the file has no orbit.
+/// The text of a subject's file with the outcome of a calibration. `None` if the file has no orbit.
 pub fn with_outcome(subject: &Subject, text: SourceId, calibration: &Calibration) -> Option<String> {
     let mut choices = calibration.plan.choices.iter();
     changed(subject, text, || {

@@ -2,7 +2,7 @@
 //!
 //! In come measurements of [`crate::check::measure`]; out comes a [`Drawing`], which [`svg()`] and [`raster()`] write, or the
 //! same numbers as CSV. A chart has a light page, a quiet grid, names beside their lines, and few colours (Okabe and Ito,
-//! 2008, which colour-blind readers can tell apart): one for each family of methods.
+//! 2008, which colour-blind readers can distinguish): one for each family of methods.
 
 pub mod cost;
 pub mod depth;

@@ -83,7 +83,7 @@ impl Audit {
     }
 }
 
-/// Audits `rays` sampled pixels of a picture. `progress` is told the share that is done.
+/// Audits `rays` sampled pixels of a picture. `progress` receives the share that is done.
 pub fn audit(
     composer: &Composer,
     settings: &RenderSettings,

@@ -199,7 +199,7 @@ impl Limit {
     }
 
     /// The depth at which a ray comes within `eps` of the set, found by steps of the exact distance, so that nothing is
-    /// passed; `None` where it goes beyond `far`.
+    /// passed; `None` if it goes beyond `far`.
     pub fn depth(&self, ray: Ray, far: f64, eps: f64) -> Option<f64> {
         let mut t = 0.0;
         while t < far {
@@ -321,7 +321,7 @@ fn vector(graph: &Graph, node: NodeRef, name: &str) -> Option<[f64; 3]> {
 }
 
 /// Depth at which a ray enters the convex polytope of all points with `normal . p <= offset` for each pair, by clipping.
-/// 0 where it starts inside; `None` where it misses.
+/// 0 if it starts inside; `None` if it misses.
 pub fn polytope_depth((origin, direction): Ray, faces: &[([f64; 3], f64)]) -> Option<f64> {
     let (mut near, mut far) = (0.0, f64::INFINITY);
     for (normal, offset) in faces {
@@ -337,7 +337,7 @@ pub fn polytope_depth((origin, direction): Ray, faces: &[([f64; 3], f64)]) -> Op
     (near <= far).then_some(near)
 }
 
-/// Depth at which a ray meets the ball of this centre and radius. 0 where it starts inside; `None` where it misses.
+/// Depth at which a ray meets the ball of this centre and radius. 0 if it starts inside; `None` if it misses.
 pub fn ball_depth((origin, direction): Ray, centre: [f64; 3], radius: f64) -> Option<f64> {
     let to_centre = DVec3::from(centre) - DVec3::from(origin);
     let middle = to_centre.dot(DVec3::from(direction));

@@ -1,4 +1,4 @@
-//! What came of the tests, and how it is told.
+//! The results of tests, and their text.
 
 use std::fmt;
 use std::io::{self, Write};

@@ -48,7 +48,7 @@ pub fn run_paths(library: &mut Library, paths: &[PathBuf], options: &Options) ->
     run_paths_with(library, paths, options, &mut |_| {})
 }
 
-/// As [`run_paths`]; `progress` is told of each test as it ends.
+/// As [`run_paths`]; `progress` receives each test as it ends.
 pub fn run_paths_with(
     library: &mut Library,
     paths: &[PathBuf],

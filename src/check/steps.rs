@@ -1,4 +1,4 @@
-//! Tests of step files: worked examples on every back end, and what the exact derivative says of both functions.
+//! Tests of step files: worked examples on every back end, and both functions against the exact derivative.
 
 use std::sync::Arc;
 

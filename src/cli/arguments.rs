@@ -65,11 +65,11 @@ impl PicturePrecision {
     }
 }
 
-/// How distances are estimated: a method, or what the file says, else the cheapest that fits.
+/// How distances are estimated: a method, or the file's, else the cheapest that is right.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct DeArg(pub Option<Method>);
 
-/// Final form of the estimate, or what the file says, else what the orbit's growth calls for.
+/// Final form of the estimate, or the file's, else the one that fits the orbit's growth.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub struct FormArg(pub Option<DeForm>);
 
@@ -91,7 +91,7 @@ impl ValueEnum for DeArg {
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
         Some(match self.0 {
-            None => PossibleValue::new(AUTO).help("what the file says, else the cheapest that fits"),
+            None => PossibleValue::new(AUTO).help("the file's, else the cheapest that is right"),
             Some(method) => PossibleValue::new(method.name()).help(method.summary()),
         })
     }
@@ -113,7 +113,7 @@ impl ValueEnum for FormArg {
 
     fn to_possible_value(&self) -> Option<PossibleValue> {
         Some(match self.0 {
-            None => PossibleValue::new(AUTO).help("what the file says, else what the orbit's growth calls for"),
+            None => PossibleValue::new(AUTO).help("the file's, else the one that fits the orbit's growth"),
             Some(form) => PossibleValue::new(form.name()).help(form.summary()),
         })
     }
@@ -131,7 +131,7 @@ pub struct EstimateArgs {
     /// Step multiplier, above 0 and at most 1
     #[arg(long, value_name = "F", value_parser = parse_fudge)]
     pub fudge: Option<f64>,
-    /// What finite differences are taken of: r, ln-r or z [default: as method and form call for]
+    /// Quantity of finite differences: r, ln-r or z [default: the one that fits method and form]
     #[arg(long, value_name = "OF", value_parser = parse_difference)]
     pub difference: Option<Difference>,
     /// Step of finite differences: a length in world units, or a percentage of the estimate [default: 1%]
@@ -141,7 +141,7 @@ pub struct EstimateArgs {
     #[arg(long, value_name = "S", value_parser = parse_fudge)]
     pub least_step: Option<f64>,
     /// Stop where the estimate is below so many pixels, or world units (0.01u), as other programs do, and not at the set
-    /// itself: faster, softer and in front of it. Nothing is calibrated then, and proofs take no notice
+    /// itself: faster, softer and in front of it. Nothing is calibrated then, and proofs ignore it
     #[arg(long, value_name = "PIXELS|UNITSu", value_parser = StopAt::parse)]
     pub stop_at: Option<StopAt>,
 }
@@ -151,13 +151,13 @@ pub struct EstimateArgs {
 pub struct AutoArgs {
     #[command(flatten)]
     pub estimate: EstimateArgs,
-    /// Measure which estimate is the cheapest that keeps the error budget, or go by rules
+    /// Measure which estimate is the cheapest that keeps the error budget, or choose by rules
     #[arg(long, value_name = "on|off", default_value = "on", value_parser = parse_switch)]
     pub calibrate: Switch,
-    /// What else it goes for: `proof` takes proven steps at any price
+    /// Another goal than the cheapest: `proof` takes proven steps at any price
     #[arg(long, value_enum, value_name = "QUALITY")]
     pub quality: Option<QualityArg>,
-    /// Errors that are allowed: hits missed, stops too early, median depth error in footprints
+    /// Allowed errors: hits missed, stops too early, median depth error in footprints
     #[arg(long, value_name = "M%,E%,D", default_value = "0.5%,5%,0.5", value_parser = parse_budget)]
     pub error_budget: Budget,
 }

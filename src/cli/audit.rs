@@ -27,10 +27,10 @@ Examples:
 pub struct Arguments {
     #[command(flatten)]
     formula: FormulaArgs,
-    /// Pixels that are sampled
+    /// Number of sampled pixels
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     rays: u32,
-    /// Columns and rows of the picture that is audited
+    /// Columns and rows of the audited picture
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = parse_size)]
     size: Size,
     #[command(flatten)]

@@ -48,7 +48,7 @@ pub struct Arguments {
     /// Columns and rows of the picture whose rays are marched
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = parse_size)]
     size: Size,
-    /// Measure every method that applies, by its rules, instead of the one that a render takes
+    /// Measure every method that applies, instead of the one that a render takes
     #[arg(long, conflicts_with = "de")]
     methods: bool,
     /// Back ends: auto takes the CPU and any adapter, also one in software

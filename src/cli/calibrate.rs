@@ -15,7 +15,7 @@ use super::calibrate_write;
 use super::calibration::{json, pasted, table};
 use super::{Outcome, Session, usage};
 
-/// What a choice that many pictures will go by is worth.
+/// The effort for a choice that many pictures will use.
 const EFFORT_OF_WRITING: f64 = 20.0;
 
 fn parse_effort(text: &str) -> Result<f64, String> {
@@ -33,9 +33,9 @@ Examples:
   bulbfold calibrate my_hybrid.ron --size 1920x1080 --error-budget 0.1%,1%,0.2
   bulbfold calibrate formulas/fractals/*.ron --write
 
-The last line for a formula can be pasted into its file, which --write does: its renders then spend no time on
-calibration, and `bulbfold test` checks that the choice still keeps the budget. --write measures anew what a file
-says is calibrated, keeps all else in the text, and changes a file only where the choice passes that check.")]
+Paste the last line for a formula into its file, or let --write do it. Its renders then need no calibration, and
+`bulbfold test` checks that the choice still keeps the budget. --write measures calibrated files again, keeps
+everything else in the text, and changes a file only if the choice passes that check.")]
 pub struct Arguments {
     /// Formula files (.ron), graph scripts (.rhai) or names of built-in fractals
     #[arg(required = true, value_name = "FILE")]
@@ -49,7 +49,7 @@ pub struct Arguments {
     /// [default: 1, with --write 20]
     #[arg(long, value_name = "TIMES", value_parser = parse_effort)]
     effort: Option<f64>,
-    /// Size of the picture, which says how fine a pixel is
+    /// Size of the picture, which sets how fine a pixel is
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
     pub(super) size: Size,
     /// Precision that candidates march in

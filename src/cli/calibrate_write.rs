@@ -112,7 +112,7 @@ fn write_one(arguments: &Arguments, session: &mut Session, path: &Path) -> Resul
     match settle(arguments, session, file, loaded) {
         Ok(None) => Ok(Written::NoOrbit),
         Ok(Some((_, calibration))) if calibration.evidence.is_empty() => {
-            Ok(Written::Failed("the file fixes method, fudge and least_step by itself, so nothing is measured".into()))
+            Ok(Written::Failed("the file fixes method, fudge and least_step, so there is nothing to measure".into()))
         }
         Ok(Some((text, calibration))) if text == original => Ok(Written::Same(Box::new(calibration))),
         Ok(Some((text, calibration))) => {
@@ -124,7 +124,7 @@ fn write_one(arguments: &Arguments, session: &mut Session, path: &Path) -> Resul
 }
 
 /// The new text of a file and the calibration behind it: the first, by growing strictness, that passes the check of
-/// `bulbfold test`. `None` where the formula has no orbits.
+/// `bulbfold test`. `None` if the formula has no orbits.
 fn settle(
     arguments: &Arguments,
     session: &mut Session,

@@ -29,7 +29,7 @@ use super::progress::Progress;
 use super::session::talk;
 use super::{Failure, Outcome, Session, message, usage};
 
-/// What is drawn.
+/// What to draw.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
 enum Kind {
     /// Cost against error of every method, precision and step multiplier.
@@ -48,7 +48,7 @@ Examples:
   bulbfold chart mandelbulb mandelbox -o both.png --rays 1000 --fudge 0.5,0.7,1
   bulbfold chart my_hybrid.ron --kind step-size -o steps.csv
 
-The output's ending says what is written: .svg, .png or .csv.")]
+The output's ending chooses the format: .svg, .png or .csv.")]
 pub struct Arguments {
     /// Formula files (.ron), graph scripts (.rhai) or names of built-in fractals
     #[arg(required = true, value_name = "FILE")]
@@ -56,7 +56,7 @@ pub struct Arguments {
     /// The chart to write: .svg, .png or .csv [default: NAME.svg]
     #[arg(short, long, value_name = "OUT")]
     output: Option<PathBuf>,
-    /// What is drawn
+    /// What to draw
     #[arg(long, value_enum, default_value_t = Kind::Cost)]
     kind: Kind,
     #[command(flatten)]
@@ -64,7 +64,7 @@ pub struct Arguments {
     /// Rays of the view to sample, from 16 to 100000
     #[arg(long, value_name = "N", default_value_t = 1600, value_parser = clap::value_parser!(u32).range(16..=100_000))]
     rays: u32,
-    /// Picture size that says how large a footprint is
+    /// Picture size, which sets the size of a footprint
     #[arg(long, value_name = "WxH", default_value = "640x360", value_parser = parse_size)]
     size: Size,
     /// Step multipliers, above 0 and at most 1, with commas
@@ -82,7 +82,7 @@ pub struct Arguments {
     /// Pixels of a PNG for each unit of the page
     #[arg(long, value_name = "S", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8))]
     scale: u32,
-    /// No progress and no word on success
+    /// Print no progress and no message on success
     #[arg(short, long)]
     quiet: bool,
 }
@@ -165,7 +165,7 @@ fn format_of(path: &Path) -> Result<Format, Failure> {
         "csv" => Ok(Format::Csv),
         _ => Err(usage(
             format!("the output {} must end in .svg, .png or .csv", path.display()),
-            "the ending says what is written: `-o NAME.svg`",
+            "the ending chooses the format: `-o NAME.svg`",
         )),
     }
 }

@@ -29,12 +29,12 @@ Examples:
   bulbfold check my_steps/fold_twice.rhai
   bulbfold check mandelbulb --set power=2 --size 1920x1080 --json
 
-Looks, by sampling, for jumps, scalar rules below the true stretch, forms and radii that do not fit, and
-iterations that no pixel shows. Exit code 1 where something makes estimates or pictures wrong.")]
+Samples for jumps, scalar rules below the true stretch, forms and radii that do not fit, and iterations
+that no pixel shows. The exit code is 1 if something makes estimates or pictures wrong.")]
 pub struct Arguments {
     #[command(flatten)]
     formula: FormulaArgs,
-    /// Size of the picture whose pixels decide about the iteration limit
+    /// Size of the picture for which the iteration limit is judged
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
     size: Size,
     /// Write JSON lines, one for each measure and finding and one for the summary
@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     }
 }
 
-/// The step of that file or name, where it is one; nothing where it is a formula.
+/// The step of that file or name, where it is one; nothing if it is a formula.
 fn step_of(formula: &FormulaArgs, session: &mut Session) -> Result<Option<Arc<Step>>, Failure> {
     let path = formula.file.as_path();
     let text = match path.extension().is_some_and(|e| e == "rhai") && path.is_file() {

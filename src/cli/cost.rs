@@ -14,7 +14,7 @@ use bulbfold::render::Pipeline;
 const NAMES: usize = 34;
 
 /// What is said of the steps of a proof.
-const BARE_STEPS: &str = "Steps stand without the bounds that a proof carries: only what runs has them.\n";
+const BARE_STEPS: &str = "Steps are listed without the bounds that a proof carries; the running iteration has them.\n";
 
 /// The table of a picture's march. Errors are a step's.
 pub fn table(composer: &Composer, pipeline: &Pipeline) -> ComposeResult<String> {
@@ -92,7 +92,7 @@ fn legend() -> String {
     }
     format!(
         "\nA product and a sum in one (mul_add) are one operation. \"As written\" counts what the steps ask for, before anything is\n\
-         shared, simplified or fused. \"Products\" weighs dear operations by how many products they take:\n{}.\n",
+         shared, simplified or fused. \"Products\" weighs expensive operations by how many products they take:\n{}.\n",
         weights.join(", ")
     )
 }

@@ -156,7 +156,7 @@ impl Fractals {
     }
 }
 
-/// What a fractal's file says of it.
+/// The facts in a fractal's file.
 fn entry(name: &str, graph: &ValidGraph, pictures: &Path) -> String {
     let mut text = markdown(&[Block::Heading(3, name.into())], 0) + picture(name, pictures).as_str();
     let mut blocks = vec![Block::Text(graph.summary.clone())];

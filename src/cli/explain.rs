@@ -85,14 +85,14 @@ fn find_step(session: &mut Session, path: &Path) -> Result<Option<Arc<Step>>, Fa
     Ok(session.library.step(&stem).cloned())
 }
 
-/// What a step's file says of it.
+/// The facts in a step's file.
 pub fn step_page(session: &Session, step: &Step) -> Vec<Block> {
     let mut blocks = vec![Block::Heading(1, step.name.clone()), Block::Text(step.summary.clone())];
     let state = match step.state {
         StateWidth::Three => "x, y and z",
         StateWidth::Four => "x, y, z and w",
         StateWidth::Any => "all components that the orbit has",
-        StateWidth::Embeds => "x, y and z, of which it makes four components",
+        StateWidth::Embeds => "x, y and z; makes four components of them",
     };
     let growth = match step.growth {
         Some(Growth::Linear) => "by a factor",

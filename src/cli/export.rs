@@ -97,7 +97,7 @@ fn failure(error: ExportError, session: &Session) -> Failure {
         ExportError::Formula(diagnostic) => session.failure(diagnostic),
         ExportError::NeedsRay(method) => usage(
             format!("the estimate `{}` needs the ray, and a distance function has only a point", method.name()),
-            "choose one of a point alone, such as `--de scalar`, `--de gradient` or `--de combined`",
+            "choose one that needs no ray, such as `--de scalar`, `--de gradient` or `--de combined`",
         ),
         ExportError::Writer(text) => Failure::Work(message(
             &format!("the exported shader was refused, which is a bug in bulbfold:\n{text}"),

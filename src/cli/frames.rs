@@ -150,7 +150,7 @@ pub fn frames_to_do(names: &Names, keys: &[String], settings: &RenderSettings) -
     let why_not = |path: &Path, key: &str| match read_png(path, settings.size) {
         Ok(MadePng { key: Some(own), .. }) if own == key => None,
         Ok(MadePng { key: Some(_), .. }) => Some("it is of other settings".to_string()),
-        Ok(MadePng { key: None, .. }) => Some("it does not say of which settings it is".to_string()),
+        Ok(MadePng { key: None, .. }) => Some("it does not say which settings made it".to_string()),
         Err(why) => Some(why),
     };
     let judged: Vec<Option<(u32, Option<String>)>> = (0..keys.len() as u32)

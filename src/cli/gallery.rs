@@ -51,14 +51,13 @@ Examples:
   bulbfold gallery my_fractals flower.ron -o my_gallery --size 960x720
   bulbfold gallery --thumbnails docs/thumbnails
 
-The page is DIR/index.html, with its pictures in DIR/pictures: it needs no network and no server. Pictures lie beside
-it and not in it, so that the page opens at once however many there are, and a browser reads only those on screen. A
-later run renders only what has changed. Formulas that are broken are shown with their messages; the exit code is 1 then.")]
+The page is DIR/index.html, with its pictures in DIR/pictures. It needs no network and no server, and browsers load
+only the pictures on screen. A later run renders only changed pictures. Broken formulas get cards with their messages, and the exit code is 1.")]
 pub struct Arguments {
     /// Formula files (.ron), folders of them, scripts or names of built-in fractals [default: all built-in fractals]
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Folder for the page and its pictures; made where there is none
+    /// Folder for the page and its pictures; created if missing
     #[arg(short, long, value_name = "DIR", required_unless_present = "thumbnails")]
     output: Option<PathBuf>,
     /// Write small pictures NAME.jpg into this folder instead, and no page
@@ -75,10 +74,10 @@ pub struct Arguments {
     backend: BackendArg,
     #[command(flatten)]
     estimate: AutoArgs,
-    /// Render all pictures anew
+    /// Render all pictures again
     #[arg(long)]
     again: bool,
-    /// No progress and no word on success
+    /// Print no progress and no message on success
     #[arg(short, long)]
     quiet: bool,
 }

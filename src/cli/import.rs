@@ -23,8 +23,8 @@ Examples:
   bulbfold import Mandelbulb.frag --preset Spikes -o spikes.ron
   bulbfold import odd.frag --as mandelbox
 
-The code of a shader is run and compared with the formulas that are known here.
-What has no counterpart is listed on stderr.")]
+A shader's code is run and compared with known formulas.
+Stderr lists settings without a counterpart.")]
 pub struct Arguments {
     /// Settings of Mandelbulber 2 (.fract), a shader of Fragmentarium (.frag) or parameters of Mandelbulb3D (.m3p, or as text)
     #[arg(value_name = "FILE")]
@@ -35,10 +35,10 @@ pub struct Arguments {
     /// Preset of a Fragmentarium file [default: the file's default preset, or its first]
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
-    /// Formula that a Fragmentarium file is taken for, without a look at its code
+    /// Take a Fragmentarium file for this formula, without reading its code
     #[arg(long = "as", value_name = "FORMULA")]
     taken_for: Option<String>,
-    /// Overwrite OUT if it is there
+    /// Overwrite OUT if it exists
     #[arg(long)]
     force: bool,
 }

@@ -1,6 +1,6 @@
 //! `bulbfold list`: steps, fractals and scripts by group, and the search for those with some properties.
 //!
-//! Properties come from the files and graphs themselves: what keeps angles is measured, what estimates apply is asked of
+//! Properties come from the files and graphs themselves: conformal steps are measured, methods that apply come from
 //! the composer.
 
 use std::collections::BTreeMap;
@@ -42,19 +42,19 @@ pub struct Arguments {
     /// Only this group, such as bulbs or fold
     #[arg(long, value_name = "GROUP")]
     group: Option<String>,
-    /// Only those whose inventor has this in the name
+    /// Only those whose inventor's name contains this
     #[arg(long, value_name = "TEXT")]
     inventor: Option<String>,
     /// Only those of these years, such as 2009..2012 or 2010
     #[arg(long, value_name = "FROM..TO", value_parser = parse_years)]
     years: Option<(u32, u32)>,
-    /// Only what keeps angles (measured)
+    /// Only conformal ones (measured)
     #[arg(long)]
     conformal: bool,
-    /// Only what can be differentiated
+    /// Only differentiable ones
     #[arg(long)]
     differentiable: bool,
-    /// Only what has an exact scalar rule in all its steps
+    /// Only those whose steps all have an exact scalar rule
     #[arg(long)]
     exact: bool,
     /// Only fractals to which this estimate applies; `auto` takes all
@@ -63,7 +63,7 @@ pub struct Arguments {
     /// Only fractals that take this estimate: the one that the file carries, else that of the rules
     #[arg(long, value_enum, value_name = "METHOD")]
     chosen: Option<DeArg>,
-    /// Only what has so many components of state, or 2 for pictures of a plane
+    /// Only those with so many components of state, or 2 for pictures of a plane
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=4))]
     dimension: Option<u8>,
     /// Print one JSON object
@@ -169,7 +169,7 @@ fn parse_years(text: &str) -> Result<(u32, u32), String> {
     }
 }
 
-/// A group that nothing is in is a mistake, told with the closest one.
+/// An empty group is a mistake; the message names the closest one.
 fn check_group(arguments: &Arguments, all: &[Entry]) -> Result<(), Failure> {
     let Some(group) = &arguments.group else { return Ok(()) };
     let mut groups: Vec<&str> =

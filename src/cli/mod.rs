@@ -86,9 +86,9 @@ enum Command {
     Render(Box<render::Arguments>),
     /// Print a stage of the compiler: graph, expressions, WGSL or CPU tape.
     Compile(compile::Arguments),
-    /// Run the tests that formula and step files hold, on every back end.
+    /// Run the tests in formula and step files, on every back end.
     Test(test::Arguments),
-    /// Look for what is wrong in a formula or step.
+    /// Search a formula or step for faults.
     Check(check::Arguments),
     /// Measure which estimate is the cheapest that keeps an error budget, and say why.
     Calibrate(calibrate::Arguments),
@@ -109,16 +109,16 @@ enum Command {
     New(new::Arguments),
     /// Write a formula's distance estimate for other programs: WGSL, GLSL, Shadertoy, Fragmentarium, HLSL, MSL, SPIR-V.
     Export(export::Arguments),
-    /// Make a graph file of settings of Mandelbulber or Fragmentarium.
+    /// Make a graph file from settings of Mandelbulber, Mandelbulb3D or Fragmentarium.
     Import(import::Arguments),
-    /// March sampled rays of a view again with proofs, and say where its estimate was wrong.
+    /// March sampled rays of a view with proofs, and report where its estimate was wrong.
     Audit(audit::Arguments),
     /// Render all fractals to an HTML page with search, or to thumbnails.
     #[cfg(feature = "chart")]
     Gallery(gallery::Arguments),
     /// Check this machine's back ends against each other.
     Doctor(doctor::Arguments),
-    /// Write the reference of steps and operators.
+    /// Write the reference of steps, fractals and operators.
     Docs(docs::Arguments),
     /// Open a GPU and let it compute, in a process that may crash.
     #[cfg(feature = "gpu")]

@@ -172,7 +172,7 @@ fn schedule_text(schedule: &Schedule) -> String {
     };
     let cycle = match schedule.cycle.iter().all(|item| *item == schedule.cycle[0]) {
         true => format!("{} in all iterations", schedule.cycle.first().map_or(String::new(), |item| letter(*item))),
-        false => format!("by turns {}", turns(&schedule.cycle)),
+        false => format!("alternating {}", turns(&schedule.cycle)),
     };
     match schedule.prefix.is_empty() {
         true => format!("Iterations run {cycle}."),

@@ -89,7 +89,7 @@ pub fn write_or_print(target: Option<&Target>, bytes: &[u8], out: &mut dyn Write
     }
 }
 
-/// The failure of a target that could not be written. That nobody reads stdout any more is none.
+/// The failure of a target that could not be written. A closed stdout is no failure.
 pub fn not_written(target: &Target, error: &std::io::Error) -> Failure {
     match target.is_stdout() && error.kind() == std::io::ErrorKind::BrokenPipe {
         true => Failure::ClosedPipe,

@@ -44,7 +44,7 @@ fn parse_rows<const N: usize>(text: &str) -> Result<Vec<[f64; N]>, (usize, Strin
     if rows.is_empty() { Err((0, "there are no rows".into())) } else { Ok(rows) }
 }
 
-/// True where no field is a number (`nan` counts as one) and each starts with a letter or a quote.
+/// True if no field is a number (`nan` counts as one) and each starts with a letter or a quote.
 fn is_header(line: &str) -> bool {
     line.split(',').all(|field| {
         let field = field.trim();

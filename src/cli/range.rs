@@ -96,7 +96,7 @@ impl FromStr for Range {
     }
 }
 
-/// Values between the commas outside of brackets and quotes; nothing where one is empty or a bracket is not closed.
+/// Values between the commas outside of brackets and quotes; nothing if one is empty or a bracket is not closed.
 fn list(text: &str) -> Option<Vec<String>> {
     let (mut depth, mut quoted, mut items) = (0i32, false, vec![String::new()]);
     for c in text.chars() {

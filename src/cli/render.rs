@@ -47,7 +47,7 @@ pub struct Arguments {
     /// Samples along each edge of a pixel: 1 is fastest, 2 takes 4 a pixel, 3 takes 9
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub(super) samples: u32,
-    /// Which pixels get all of them: those that differ from their neighbours, or every one
+    /// Which pixels get all samples: those that differ from their neighbours, or every pixel
     #[arg(long, value_enum, default_value_t = SamplingArg::Adaptive)]
     sampling: SamplingArg,
     /// Where to compute
@@ -66,16 +66,16 @@ pub struct Arguments {
     /// boxes, longer steps, early ends of orbits) are compared with
     #[arg(long)]
     exact_rays: bool,
-    /// Print what was chosen and counted, to stderr
+    /// Print choices and counts to stderr
     #[arg(long)]
     pub(super) stats: bool,
-    /// Print what was chosen and counted, to stdout as one JSON object
+    /// Print choices and counts to stdout, as one JSON object
     #[arg(long)]
     pub(super) json: bool,
     /// Threads of the CPU back end [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     threads: Option<u32>,
-    /// No progress and no word on success
+    /// Print no progress and no message on success
     #[arg(short, long)]
     pub(super) quiet: bool,
 }
@@ -83,7 +83,7 @@ pub struct Arguments {
 /// [`Sampling`] as a flag's value.
 #[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
 enum SamplingArg {
-    /// Only pixels that differ from their neighbours; hard to tell from `full`
+    /// Only pixels that differ from their neighbours; looks almost like `full`
     Adaptive,
     /// Every pixel
     Full,

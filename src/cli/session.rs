@@ -76,7 +76,7 @@ impl Session {
         Ok(graph)
     }
 
-    /// Loads a fractal that has been loaded with other settings: warnings are not told again.
+    /// Loads a fractal that has been loaded with other settings, without repeating warnings.
     pub fn load_again(&mut self, what: &Path, set: &[(String, String)]) -> Result<Loaded, Failure> {
         let mut d = Diagnostics::default();
         let loaded = load(&mut self.library, what, set, &mut d);
@@ -132,7 +132,7 @@ pub fn refuse_plane(graph: &ValidGraph, what: &str) -> Result<(), Failure> {
         None => Ok(()),
         Some(_) => Err(usage(
             format!("{what} follows rays, and a picture of `{}` shows the points of a plane", graph.name),
-            "`bulbfold probe` gives the estimates of points, `bulbfold check` looks for what is wrong with a formula",
+            "`bulbfold probe` gives the estimates of points, `bulbfold check` searches a formula for faults",
         )),
     }
 }

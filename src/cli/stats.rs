@@ -206,7 +206,7 @@ pub fn estimate_rows(plan: &Plan) -> Vec<(String, String)> {
     plan.choices.iter().enumerate().map(row).collect()
 }
 
-/// A quotient that is 0 where there is nothing to divide by.
+/// A quotient that is 0 if there is nothing to divide by.
 fn ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }

@@ -43,7 +43,7 @@ pub struct SweepArgs {
 const VIEW: [&str; 5] = ["camera", "target", "up", "fov", "turn"];
 
 impl SweepArgs {
-    /// How many frames there are; none where a single picture is asked for.
+    /// How many frames there are; none if a single picture is asked for.
     pub fn frames(&self) -> Result<Option<u32>, Failure> {
         let Some(first) = self.ranges.first() else { return Ok(None) };
         let listed = self.ranges.iter().find_map(|range| Some((range.name.as_str(), range.frames()?)));
@@ -147,7 +147,7 @@ pub fn run(
     Ok(())
 }
 
-/// What each frame shows. All are read before anything is rendered, so that a value out of range is told at once.
+/// What each frame shows. All are read before anything is rendered, so that a value out of range is reported at once.
 fn moved(session: &mut Session, arguments: &Arguments, sweep: &SweepArgs, frames: u32) -> Result<Vec<Frame>, Failure> {
     let mut moved = Vec::new();
     for frame in 0..frames {
@@ -264,7 +264,7 @@ impl Work for SweepJob<'_> {
     }
 }
 
-/// What there is to tell of all frames.
+/// The statistics of all frames.
 struct Report<'a> {
     backend: String,
     composing: Duration,

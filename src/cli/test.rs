@@ -23,7 +23,7 @@ pub struct Arguments {
     /// Run only the tests whose names contain this
     #[arg(long, value_name = "TEXT")]
     filter: Option<String>,
-    /// Leave the GPU out
+    /// Leave out the GPU
     #[arg(long)]
     no_gpu: bool,
 }

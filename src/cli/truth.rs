@@ -41,12 +41,12 @@ Examples:
   bulbfold truth menger --rays-file rays.csv --json > truth.jsonl
   bulbfold truth formulas/fractals --rays 2000 --markdown > table.md
 
-Rays are walked in f64 by steps of a quarter of a pixel and less, testing membership alone; then they
-are marched with the estimate, and both answers are compared. A hit counts as missed where the march
-passes it, a stop as early where it is in front of the truth by more than 0.5 % of the bounding radius.
+Brute force walks the rays in f64, by steps of a quarter of a pixel or less, and only tests membership.
+Then the rays are marched with the estimate, and both answers are compared. A hit is missed if the march
+passes it. A stop is early if it is in front of the truth by more than 0.5 % of the bounding radius.
 
-Several formulas, or --markdown, give a table with a line for each. The exit code is 1 where one of them
-breaks the error budget, or where no ray of a view hits anything.")]
+Several formulas, or --markdown, give a table with a line for each. The exit code is 1 if one of them
+breaks the error budget, or if no ray of a view hits anything.")]
 pub struct Arguments {
     /// Formula files (.ron), folders of them, graph scripts (.rhai) or names of built-in fractals
     #[arg(required = true, value_name = "FILE")]
@@ -59,7 +59,7 @@ pub struct Arguments {
     /// Rays to take instead, a line `ox,oy,oz,dx,dy,dz` each; directions may have any length
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["rays", "seed"])]
     rays_file: Option<PathBuf>,
-    /// Size of the picture, which says how fine a pixel is
+    /// Size of the picture, which sets how fine a pixel is
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = parse_size)]
     pub(super) size: Size,
     /// Which random rays
@@ -77,10 +77,10 @@ pub struct Arguments {
     truth_ends: TruthEnds,
     #[command(flatten)]
     pub(super) estimate: AutoArgs,
-    /// Precision of the march that is compared [default: f64]
+    /// Precision of the compared march [default: f64]
     #[arg(long, value_parser = precision_parser())]
     precision: Option<Precision>,
-    /// Where the march that is compared runs
+    /// Where the compared march runs
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     backend: BackendArg,
 }

@@ -1,4 +1,4 @@
-//! What the terminal is told of work: progress, warnings, and notes that `--quiet` keeps back.
+//! What the terminal shows of work: progress, warnings, and notes that `--quiet` suppresses.
 
 use bulbfold::diag::Diagnostic;
 use bulbfold::engine::{Observer, Stage};
@@ -16,7 +16,7 @@ pub struct Watch<'a> {
 }
 
 impl<'a> Watch<'a> {
-    /// Nothing is told yet; `quiet` tells warnings alone.
+    /// Nothing is shown yet; `quiet` shows only warnings.
     pub fn new(session: &'a Session, quiet: bool) -> Watch<'a> {
         Watch { session, quiet, shown: None }
     }

@@ -140,7 +140,7 @@ struct Column {
 }
 
 impl Column {
-    /// A column from the ball's surface, or from where it is known to be empty; `None` where it misses the ball.
+    /// A column from the ball's surface, or from where it is known to be empty; `None` if it misses the ball.
     fn new(face: usize, middle: [f64; 2], edge: f64, radius: f64, (end, reach): (f64, f64)) -> Option<Column> {
         let nearest = middle.map(|x| (x.abs() - edge / 2.0).max(0.0));
         let height_sq = radius * radius - nearest.iter().map(|x| x * x).sum::<f64>();
@@ -241,7 +241,7 @@ impl Search {
         search
     }
 
-    /// What the proofs at many points say of the symmetry.
+    /// The symmetry that proofs at many points show.
     fn symmetry(&mut self) -> Symmetry {
         // Spread evenly over a cube by the sequence of R. Roberts.
         let point = |i: usize| {
@@ -308,7 +308,7 @@ impl Search {
         farthest
     }
 
-    /// Splits the columns that hold the faces out; false where there is none to split, or too many for the orbits left.
+    /// Splits the columns that hold the faces out; false if there is none to split, or too many for the orbits left.
     fn split(&mut self) -> bool {
         let finest = self.radius * FINEST * 1.5;
         let farthest = self.farthest();

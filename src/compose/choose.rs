@@ -26,7 +26,7 @@ pub struct Choice {
     pub radius: f64,
     /// Unit normal of the plane form.
     pub axis: [f64; 3],
-    /// Power by which r grows in one iteration, on average over a cycle; 1 where it grows by a factor.
+    /// Power by which r grows in one iteration, on average over a cycle; 1 if it grows by a factor.
     pub power: f64,
     /// What finite differences are taken of; `None` follows method and form.
     pub difference: Option<Difference>,
@@ -34,11 +34,11 @@ pub struct Choice {
     pub fudge: f64,
     /// Whether the orbit can be differentiated; normals need finite differences where it cannot.
     pub differentiable: bool,
-    /// Whether the scalar rules grow as fast as orbits do, as measured; false where not every step has one.
+    /// Whether the scalar rules grow as fast as orbits do, as measured; false if not every step has one.
     pub tight: bool,
     /// Whether orbits may end at the footprint, as measured: members of the set are within the threshold then.
     pub ends: bool,
-    /// Whether rays stop at a threshold: the field then says 0 where it does not know that something is within it.
+    /// Whether rays stop at a threshold: the field then says 0 if it does not know that something is within it.
     pub stops: bool,
     /// Radius of a ball around the orbit's own origin that holds the set, as measured.
     pub extent: f64,
@@ -85,7 +85,7 @@ pub struct Plan {
     pub bounding_radius: f64,
     /// How that is known.
     pub reach: Reach,
-    /// How far out the farthest member was seen; 0 where none was looked for.
+    /// How far out the farthest member was seen; 0 if none was looked for.
     pub members: f64,
     /// Step multiplier of the whole field.
     pub fudge: f64,
@@ -100,7 +100,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// True where every orbit is certified: the march then proposes how far a proof is to reach.
+    /// True if every orbit is certified: the march then proposes how far a proof is to reach.
     pub fn is_certified(&self) -> bool {
         !self.choices.is_empty() && self.choices.iter().all(|c| c.method.is_certified())
     }
@@ -182,7 +182,7 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     Ok(Plan { choices, bounding_radius, reach, members, fudge, least_step, stop_at, difference_step, warnings })
 }
 
-/// Measures what a choice says of the set: its extent, and what may be trusted.
+/// Measures the set for a choice: its extent, and which results can be trusted.
 fn measure_set(composer: &Composer, orbit: &FieldOrbit, choice: &mut Choice) -> ComposeResult<()> {
     choice.extent = measure_extent(composer, orbit)?;
     if !choice.form.is_shape() {
@@ -257,7 +257,7 @@ fn choose_orbit(
         (None, false) => (Method::Gradient, "not every step states a scalar rule".to_string()),
         (None, true) if exact && !has_power => (Method::Scalar, "every step's scalar rule is exact".to_string()),
         (None, true) if has_power && !has_linear && !is_mixed(&steps) => {
-            (Method::Gradient, "a power alone: the exact gradient takes the fewest steps".to_string())
+            (Method::Gradient, "only a power: the exact gradient takes the fewest steps".to_string())
         }
         _ => (Method::Combined, "a hybrid: the smaller of the scalar rule and the exact gradient".to_string()),
     };
@@ -276,7 +276,10 @@ fn choose_orbit(
     }
     let form = match settings.form {
         Some(form) if orbit.settings.shape.is_some() => {
-            warnings.push(format!("the form `{}` does not apply: the orbit's end shape says what is in", form.name()));
+            warnings.push(format!(
+                "the form `{}` does not apply: the orbit's end shape decides what is inside",
+                form.name()
+            ));
             DeForm::End
         }
         None if orbit.settings.shape.is_some() => DeForm::End,
@@ -287,7 +290,7 @@ fn choose_orbit(
         }
         Some(form) if method.is_certified() && form.is_shape() => {
             let (form, method) = (form.name(), method.name());
-            warnings.push(format!("the form `{form}` does not apply: `{method}` goes by what escapes alone"));
+            warnings.push(format!("the form `{form}` does not apply: `{method}` works only for orbits that escape"));
             growth.form()
         }
         Some(form @ (DeForm::Box | DeForm::Plane)) if escape.is_convergence() => {
@@ -341,7 +344,7 @@ struct Facts {
 }
 
 impl Facts {
-    /// Why a method does not apply; `None` where it does.
+    /// Why a method does not apply; `None` if it does.
     fn why_not(&self, method: Method) -> Option<String> {
         let no_rules = || Some("not every step states a scalar rule".to_string());
         if let (Some(step), true) = (&self.remembers, method.is_certified()) {
@@ -403,13 +406,13 @@ fn reach_of(
     let found = search(composer, choices)?;
     if found.reach == Reach::Endless {
         warnings.push(format!(
-            "the set goes on beyond {FAR} units, where rays end; write `bounding_radius` to end them elsewhere"
+            "the set reaches beyond {FAR} units, where rays end; write `bounding_radius` to end them elsewhere"
         ));
     }
     Ok(found)
 }
 
-/// True where a field is made of primitives and their unions alone, so that its size is known.
+/// True if a field is made of primitives and their unions alone, so that its size is known.
 fn is_made_of_primitives(composer: &Composer) -> bool {
     let mut open = vec![composer.graph.output];
     let mut seen = vec![false; composer.graph.nodes.len()];

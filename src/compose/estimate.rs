@@ -140,14 +140,14 @@ impl<'a> OrbitBuilder<'a> {
         Ok(End { z: moved.z, size, dr: moved.dr, rows, along, shifted, sizes })
     }
 
-    /// True where the size is a length that nothing reads unless the orbit has escaped: what is inside has no distance.
+    /// True if the size is a length that nothing reads unless the orbit has escaped: what is inside has no distance.
     fn tells_of_escaped(&self) -> bool {
         let is_length = self.is_length() && self.settings.post.is_empty() && self.settings.escape == Escape::Length;
         let is_distance = matches!(self.purpose, Purpose::Estimate | Purpose::March | Purpose::Decision);
         is_length && is_distance && self.settings.shape.is_none() && self.settings.escape_radius < NO_ESCAPE
     }
 
-    /// True where the size is the length of what is measured.
+    /// True if the size is the length of what is measured.
     fn is_length(&self) -> bool {
         match self.choice.form {
             DeForm::Linear => self.settings.escape == Escape::Length || self.settings.escape.is_convergence(),
@@ -156,7 +156,7 @@ impl<'a> OrbitBuilder<'a> {
         }
     }
 
-    /// True where the squares of an escaped orbit are within single precision's range: one iteration only grows by a factor.
+    /// True if the squares of an escaped orbit are within single precision's range: one iteration only grows by a factor.
     fn stays_short(&self) -> bool {
         self.choice.form == DeForm::Linear && self.settings.escape_radius <= SHORT
     }

@@ -9,7 +9,7 @@ use super::orbit::{Carried, OrbitBuilder, State};
 use super::{Choice, Purpose};
 use crate::expr::Expr;
 
-/// What the estimate of a march says of points that are as good as inside; others are never below 0.
+/// The estimate of a march at points that count as inside; elsewhere it is never below 0.
 const RESOLVED: f64 = -1.0;
 
 /// Radius, in extents, that the threshold's image must have. With 2, which covers the set from any point of it, surfaces are
@@ -22,7 +22,7 @@ const COVERS: f64 = 1024.0;
 /// threshold's image is [`COVERS`] times as wide.
 pub(super) const SHARE_OF_TRUTH: f64 = 1.0 / COVERS;
 
-/// True where orbits end at the footprint once something that tells of it is carried: in marches of a set of known extent.
+/// True if orbits can end at the footprint: in marches of a set of known extent.
 pub(super) fn can_follow_footprint(choice: &Choice, purpose: Purpose) -> bool {
     matches!(purpose, Purpose::March | Purpose::Truth)
         && choice.ends

@@ -38,7 +38,7 @@ fn step_nodes<'g>(composer: &'g Composer, root: NodeRef) -> Vec<(NodeRef, &'g St
     steps
 }
 
-/// The weakest scalar rule of a map's steps; `None` where one of them has none.
+/// The weakest scalar rule of a map's steps; `None` if one of them has none.
 pub fn scalar_rules(composer: &Composer, root: NodeRef) -> Option<ScalarRule> {
     let rules = steps_of(composer, root).into_iter().map(|s| s.scalar_rule).collect::<Option<Vec<_>>>()?;
     Some(if rules.contains(&ScalarRule::Heuristic) { ScalarRule::Heuristic } else { ScalarRule::Exact })
@@ -51,7 +51,7 @@ pub(super) type Moved<'g> = Traced<'g>;
 #[derive(Clone)]
 pub(super) struct Memory<'g> {
     steps: Vec<(NodeRef, Moved<'g>)>,
-    /// Coordinates whose folds are followed: 0 where the last one that moved it found it on the positive side, 1 on the negative.
+    /// Coordinates whose folds are followed: 0 if the last one that moved it found it on the positive side, 1 on the negative.
     pub(super) sides: Vec<(u8, Expr<'g>)>,
 }
 
@@ -71,7 +71,7 @@ impl<'g> Memory<'g> {
         self.steps.iter().map(|(_, value)| *value)
     }
 
-    /// Remembers what goes into a node, and gives what went in before; `None` where the node does not remember.
+    /// Remembers what goes into a node, and gives what went in before; `None` if the node does not remember.
     fn swap(&mut self, node: NodeRef, now: Moved<'g>) -> Option<Moved<'g>> {
         let (_, value) = self.steps.iter_mut().find(|(known, _)| *known == node)?;
         Some(std::mem::replace(value, now))

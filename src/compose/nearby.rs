@@ -1,4 +1,4 @@
-//! Whether members of the set are where a march takes them to be: asked of the map itself, once, when a formula is read.
+//! Checks once, when a formula is read, whether members of the set lie where a march finds them. The map itself decides.
 //!
 //! A derivative says how long the image of the threshold's ball is, and not how wide. Where a map stretches along one direction
 //! alone the image is long and thin: it covers nothing, and every orbit within the threshold may escape. An
@@ -91,7 +91,7 @@ pub(super) fn measure_ends(composer: &Composer, orbit: &FieldOrbit, choice: &Cho
     Ok(all > 0)
 }
 
-/// Whether rays may stop where the estimate is below a threshold, in units of the orbit's own frame; `None` where it is
+/// Whether rays may stop where the estimate is below a threshold, in units of the orbit's own frame; `None` if it is
 /// as large as a pixel, whatever that is.
 pub(super) fn measure_stops(
     composer: &Composer,

@@ -149,7 +149,7 @@ impl<'g> Before<'g> {
 }
 
 impl<'g> State<'g> {
-    /// Puts a point in the place of z that is the same for all points: nothing changes with them.
+    /// Replaces z by a point that is the same for all sample points: its derivatives are 0.
     fn fix(&mut self, start: [f64; 4]) {
         let arena = self.z.arena;
         let zero = |e: &Expr<'g>| arena.constant(e.ty(), [0.0; 4]);

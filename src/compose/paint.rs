@@ -1,6 +1,6 @@
 //! Traps of orbits, and the colours that they blend.
 //!
-//! A trap is a number that an orbit carries for the picture's surface: 0 where it is caught best, which shows its colour in full.
+//! A trap is a number that an orbit carries for the picture's surface: 0 if it is caught best, which shows its colour in full.
 
 use super::orbit::OrbitBuilder;
 use crate::expr::{Arena, Expr, Type};
@@ -23,7 +23,7 @@ pub(crate) fn usable_trap(trap: Expr<'_>) -> Expr<'_> {
 }
 
 /// The palette's first colour with the others blended in as far as their traps caught the orbit (after Quilez). In the picture of
-/// a plane with a normal `across` nothing is told by a trap that lies along it.
+/// a plane with a normal `across` a trap that lies along it has no effect.
 pub(crate) fn paint<'g>(look: &Look, palette: &Palette, trap: Expr<'g>, across: Option<[f64; 3]>) -> Expr<'g> {
     let arena = trap.arena;
     let colours = palette.map(|c| arena.v3(c));

@@ -118,7 +118,7 @@ impl Frame {
         Ok(scale)
     }
 
-    /// The farthest that a ball of `radius` around the inner origin reaches from the world's origin; `None` where space is
+    /// The farthest that a ball of `radius` around the inner origin reaches from the world's origin; `None` if space is
     /// warped or tiled.
     pub fn reach(&self, radius: f64) -> Option<f64> {
         self.places.iter().rev().try_fold(radius, |radius, place| {

@@ -7,7 +7,7 @@
 //!
 //! - What is left unproven reaches little further than members do: the radius is that of what is left, and it is **proven**.
 //! - Proofs do not apply, or get stuck: the radius is that of the farthest member seen, with a [`MARGIN`]. A sampled extreme is a
-//!   guess, so it is told as one ([`Reach::Sampled`]).
+//!   guess, and is reported as one ([`Reach::Sampled`]).
 //!
 //! Members in the outermost octave mean that the set goes on beyond what is searched ([`Reach::Endless`]).
 //!
@@ -59,7 +59,7 @@ pub(super) struct Found {
     pub(super) radius: f64,
     /// How it is known.
     pub(super) reach: Reach,
-    /// How far out the farthest member was seen; 0 where none was.
+    /// How far out the farthest member was seen; 0 if none was.
     pub(super) members: f64,
 }
 
@@ -131,7 +131,7 @@ pub(super) fn search(composer: &Composer, choices: &[Choice]) -> ComposeResult<F
     Ok(Found { radius, ..found })
 }
 
-/// A radius from which on up to [`FAR`] nothing of the field is, by norms alone; `None` where that is not known.
+/// A radius from which on up to [`FAR`] nothing of the field is, by norms alone; `None` if that is not known.
 fn lost_from(composer: &Composer) -> ComposeResult<Option<f64>> {
     let mut reach: f64 = 0.0;
     for orbit in field_orbits(composer) {
@@ -157,7 +157,7 @@ fn lost_from(composer: &Composer) -> ComposeResult<Option<f64>> {
     Ok((0.0 < reach && reach < FAR).then_some(reach))
 }
 
-/// Farthest point of a primitive from its frame's origin; `None` where there is none.
+/// Farthest point of a primitive from its frame's origin; `None` if there is none.
 pub(super) fn primitive_reach(primitive: &Primitive) -> Option<f64> {
     match *primitive {
         Primitive::Sphere { centre, radius, .. } => Some(length(&centre) + radius),
@@ -168,7 +168,7 @@ pub(super) fn primitive_reach(primitive: &Primitive) -> Option<f64> {
     }
 }
 
-/// The farthest of many points between `radius` and twice that which belongs to the field; `None` where none does, or the
+/// The farthest of many points between `radius` and twice that which belongs to the field; `None` if none does, or the
 /// field goes on without end.
 pub(super) fn member_beyond(composer: &Composer, choices: &[Choice], radius: f64) -> ComposeResult<Option<[f64; 3]>> {
     let mut search = Search::new(composer, choices)?;
@@ -358,7 +358,7 @@ impl Search {
         self.lost.map_or(open, |lost| lost.min(open))
     }
 
-    /// Takes the octaves from outside inwards until members say that all further in is nearer than they; true where the
+    /// Takes the octaves from outside inwards until members say that all further in is nearer than they; true if the
     /// outermost one has members and no norm tells where the set ends.
     fn octaves(&mut self) -> bool {
         let mut r = self.lost.unwrap_or(FAR);
@@ -379,7 +379,7 @@ impl Search {
         false
     }
 
-    /// Whether proofs clear much where nothing is seen: asked of a few small cubes, since a search takes thousands.
+    /// Whether proofs clear much empty space: tried on a few small cubes, because a search takes thousands.
     fn proofs_get_somewhere(&mut self) -> bool {
         let far = self.left().min(TRIED * self.farthest.max(NEAR));
         let is_tried = |cube: &&Cube| cube.inner() > GOOD * self.farthest && cube.outer() <= far;

@@ -9,7 +9,7 @@ pub(super) struct FieldValue<'g> {
     pub(super) d: Expr<'g>,
     /// Whether the point is in.
     pub(super) inside: Expr<'g>,
-    /// Where the point is out, but the distance is not known: it is in what was cut away, and nobody knows how deep. Nowhere where
+    /// Where the point is out, but the distance is not known: it is in what was cut away, at an unknown depth. Nowhere where
     /// absent.
     pub(super) unclear: Option<Expr<'g>>,
     /// Where the point is in, but not how deep.

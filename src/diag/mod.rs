@@ -26,7 +26,7 @@ pub use nearest::nearest;
 pub use render::printable;
 pub use source::{SourceId, Sources, Span};
 
-/// How bad the thing is that a [`Diagnostic`] tells of.
+/// How bad the subject of a [`Diagnostic`] is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Severity {
     /// The work cannot be done.

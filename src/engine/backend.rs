@@ -213,7 +213,7 @@ mod tests {
         BackendError::DeviceLost("for a test".into())
     }
 
-    /// Counts what it is told.
+    /// Counts its calls.
     struct Told(usize);
 
     impl Observer for Told {

@@ -1,6 +1,6 @@
 //! The front door: from a formula to a picture, as the program makes it.
 //!
-//! In comes a [`Formula`] and a [`Request`], plain data. [`Engine::settle`] chooses what nobody stated (camera, iterations,
+//! In comes a [`Formula`] and a [`Request`], plain data. [`Engine::settle`] chooses what the request leaves open (camera, iterations,
 //! precision, estimate) and gives a [`Job`], which can be sent to another machine. [`Engine::render`] computes rows of it into
 //! a [`Sink`] and tells an [`Observer`]; [`Engine::start`] does it on a thread of its own, which can be cancelled.
 //!
@@ -140,7 +140,7 @@ impl Engine {
         }
     }
 
-    /// Settles what the picture needs and nobody stated.
+    /// Settles what the request leaves open.
     ///
     /// Errors: [`Error::Formula`], [`Error::Request`].
     pub fn settle(&self, formula: &Arc<Formula>, request: &Request, observer: &mut dyn Observer) -> Result<Job, Error> {

@@ -1,4 +1,4 @@
-//! Who is told how far work is and what its caller should know, and who may end it.
+//! The observer of a job: it receives progress and warnings, and may cancel.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,7 +14,7 @@ pub enum Stage {
     Rendering,
 }
 
-/// Is told of the progress of work. Every method has a default that does nothing, and `()` observes nothing.
+/// Receives the progress of work. Every method has a default that does nothing, and `()` observes nothing.
 pub trait Observer: Send {
     /// The share of a stage that is done, from 0 to 1.
     fn progress(&mut self, _stage: Stage, _share: f64) {}

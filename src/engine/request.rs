@@ -94,7 +94,7 @@ pub struct Request {
 }
 
 impl Default for Request {
-    /// What `bulbfold render` makes where nothing else is asked of it.
+    /// What `bulbfold render` makes without options.
     fn default() -> Request {
         Request {
             size: Size { width: 1280, height: 720 },

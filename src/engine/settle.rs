@@ -1,4 +1,4 @@
-//! What a picture needs and nobody stated: the camera, the limit of iterations, the precision, the estimate.
+//! Settles what a picture needs and the request leaves open: the camera, the limit of iterations, the precision, the estimate.
 //!
 //! Each is a function of formula, request and view alone. The order matters: the camera first, since all else is measured on the
 //! view; then the iterations that show; then the precision, by rays of a march by rules; then the estimate.
@@ -178,7 +178,7 @@ impl<'a> Settling<'a> {
         Ok(calibration)
     }
 
-    /// What a calibration goes by where the user's cache is read and written.
+    /// Settings of a calibration that reads and writes the user's cache.
     pub fn options(&self, subject: &Subject, precision: Precision) -> Options {
         Options {
             budget: self.request.budget,
@@ -220,7 +220,7 @@ impl<'a> Settling<'a> {
             None => "no free point was found around it".to_string(),
         };
         let at = shown(camera.position).replace(',', ", ");
-        let text = format!("the camera is inside of the set: no ray from ({at}) goes anywhere; {help}");
+        let text = format!("the camera is inside the set: every ray from ({at}) ends at once; {help}");
         observer.warn(Diagnostic::warning(text));
         Ok(true)
     }

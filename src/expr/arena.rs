@@ -153,7 +153,7 @@ impl Arena {
         Arena { as_written: true, ..Arena::default() }
     }
 
-    /// False where the arena simplifies.
+    /// False if the arena simplifies.
     pub(super) fn is_as_written(&self) -> bool {
         self.as_written
     }

@@ -114,7 +114,7 @@ impl<'g> Differentiator<'g> {
         (0..x[0].ty().width as usize).map(component).collect()
     }
 
-    /// The tangents of `y = 1 / x` by products of y alone, also where x is a square root: divisions are dear.
+    /// The tangents of `y = 1 / x` by products of y alone, also where x is a square root: divisions are expensive.
     fn inverse(&self, x: Expr<'g>, y: Expr<'g>) -> Vec<Expr<'g>> {
         let node = x.node();
         let of_root = node.op == Op::Apply(Operator::Sqrt);

@@ -39,7 +39,7 @@ impl<'g> Bounds<'g> {
         Bounds { lo: arena.f(-UNBOUNDED), hi: arena.f(UNBOUNDED) }
     }
 
-    /// True where both bounds are one node.
+    /// True if both bounds are one node.
     pub fn is_exact(self) -> bool {
         self.lo.id == self.hi.id
     }
@@ -143,7 +143,7 @@ impl<'g> Encloser<'g> {
         self.known[&root.id].clone()
     }
 
-    /// True where a value that was asked for may jump inside the region: a comparison that is not decided chooses
+    /// True if a value that was asked for may jump inside the region: a comparison that is not decided chooses
     /// between two values, a rounding changes, an angle crosses its cut. Where this is false, every value asked for is
     /// continuous over the region.
     pub fn jumps(&self) -> Expr<'g> {
@@ -243,13 +243,13 @@ fn largest(v: Expr<'_>) -> Expr<'_> {
     v.components().into_iter().map(Expr::abs).reduce(|a, b| a.max(b)).expect("vectors have components")
 }
 
-/// True where the rectangle of y and x touches the half line from the origin to negative x.
+/// True if the rectangle of y and x touches the half line from the origin to negative x.
 pub(super) fn crosses_cut<'g>(y: Bounds<'g>, x: Bounds<'g>) -> Expr<'g> {
     let zero = y.lo.lift(0.0);
     y.lo.le(zero).and(zero.le(y.hi)).and(x.lo.le(zero))
 }
 
-/// The roots with other nodes in the place of some: everything is built again, so identities that meet now are used.
+/// The roots, with some nodes replaced. Everything is built again, so identities that now apply are used.
 pub fn substitute<'g>(arena: &'g Arena, roots: &[Expr<'g>], places: &[(Expr<'g>, Expr<'g>)]) -> Vec<Expr<'g>> {
     let mut built: HashMap<NodeId, Expr<'g>> = places.iter().map(|(from, to)| (from.id, *to)).collect();
     let ids: Vec<NodeId> = roots.iter().map(|r| r.id).collect();

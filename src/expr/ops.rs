@@ -29,7 +29,7 @@ pub struct Info {
     pub latex: &'static str,
     /// One sentence for the reference.
     pub help: &'static str,
-    /// False where the value jumps: derivative checks and continuity reports skip those places only.
+    /// False if the value jumps: derivative checks and continuity reports skip those places only.
     pub continuous: bool,
 }
 

@@ -93,7 +93,7 @@ fn finish(mut temporary: Temporary, place: &Place) -> io::Result<()> {
     if is_alike { temporary.rename(&place.path) } else { copy(&temporary.file, &place.path) }
 }
 
-/// Gives a file the mode and the owner of another; false where the system does not allow that.
+/// Gives a file the mode and the owner of another; false if the system does not allow that.
 #[cfg(unix)]
 fn take_after(file: &File, existing: &Metadata) -> bool {
     use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};

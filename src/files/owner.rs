@@ -3,7 +3,7 @@
 use std::path::Path;
 
 /// Whether a file or folder belongs to a user who may not speak for whoever runs the program: neither that user nor root, nor the
-/// one who called `sudo`. False where the system has no such owners, and where the file cannot be looked at.
+/// one who called `sudo`. False if the system has no such owners, and where the file cannot be looked at.
 pub fn is_foreign(path: &Path) -> bool {
     #[cfg(unix)]
     {

@@ -38,7 +38,7 @@ pub fn read_bytes(path: &Path, limit: u64, chosen: Chosen) -> io::Result<Vec<u8>
 
 /// The text of a file, as [`read_bytes`] reads it.
 ///
-/// Errors: also bytes that are not UTF-8; the first one is told.
+/// Errors: also bytes that are not UTF-8; the message names the first one.
 pub fn read_text(path: &Path, limit: u64, chosen: Chosen) -> io::Result<String> {
     String::from_utf8(read_bytes(path, limit, chosen)?)
         .map_err(|error| io::Error::other(format!("byte {} is not UTF-8 text", error.utf8_error().valid_up_to())))

@@ -40,7 +40,7 @@ pub(super) struct Place {
 pub struct FileId(#[cfg(unix)] (u64, u64), #[cfg(not(unix))] PathBuf);
 
 impl FileId {
-    /// The file behind a name and its links; `None` where there is none.
+    /// The file behind a name and its links; `None` if there is none.
     pub fn of(path: &Path) -> Option<FileId> {
         #[cfg(unix)]
         return std::fs::metadata(path).ok().map(|data| FileId::from(&data));
@@ -58,7 +58,7 @@ impl FileId {
 impl Target {
     /// Looks at what a name leads to; `-` is stdout. Pipes and devices are opened at once.
     ///
-    /// Errors: what the system says; a folder, a block device, a socket, a file that may not be written to, a pipe that nobody reads,
+    /// Errors: what the system says; a folder, a block device, a socket, a file that may not be written to, a pipe without a reader,
     /// a link that another user has put into a folder of everybody.
     pub fn of(given: &Path) -> io::Result<Target> {
         let kind = match given.as_os_str() == STDOUT {
@@ -223,5 +223,5 @@ fn open_pipe(path: &Path) -> io::Result<File> {
             }
         }
     }
-    Err(io::Error::other("it is a pipe that nobody reads"))
+    Err(io::Error::other("it is a pipe without a reader"))
 }

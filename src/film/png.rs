@@ -40,7 +40,7 @@ impl PngFile {
         PngFile { rows: Some(rows), writer: Some(writer) }
     }
 
-    /// Takes some more rows, three bytes of sRGB a pixel. Returns false where nothing can be written any more;
+    /// Takes some more rows, three bytes of sRGB a pixel. Returns false if nothing can be written any more;
     /// [`PngFile::finish`] then has the error.
     pub fn push(&mut self, rows: Vec<u8>) -> bool {
         self.rows.as_ref().is_some_and(|sender| sender.send(rows).is_ok())

@@ -24,7 +24,7 @@ pub struct Library {
     steps: BTreeMap<String, Arc<Entry>>,
     /// Names of step files with errors.
     broken: BTreeSet<String>,
-    /// Whether steps are read that lie in a folder of another user. They are scripts, and nobody named them.
+    /// Whether steps are read that lie in a folder of another user. They are scripts that the user did not name.
     pub trusts_others: bool,
     /// Files that were read.
     inputs: Vec<FileId>,
@@ -113,7 +113,7 @@ impl Library {
     }
 
     /// Reads the steps that lie beside a formula file: every `*.rhai` that defines `fn step` or `fn distance`. An empty path is the current
-    /// folder. What is no regular file or too large is left out, and so is what belongs to another user; a warning tells of either.
+    /// folder. Files that are too large or not regular, and files of another user, are left out with a warning.
     pub fn add_beside(&mut self, folder: &Path, diagnostics: &mut Diagnostics) {
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         let mut files: Vec<_> =

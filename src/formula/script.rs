@@ -358,7 +358,7 @@ fn parse_error(sources: &Sources, id: SourceId, error: &ParseError) -> Diagnosti
             ("switch", _) => Diagnostic::error("`switch` is not available in formulas")
                 .label(span, "")
                 .help("use `if` on known values, `select` on those of the orbit"),
-            (_, true) => diagnostic.help(format!("as the name of a field it stands in quotes: \"{word}\": ...")),
+            (_, true) => diagnostic.help(format!("as the name of a field, write it in quotes: \"{word}\": ...")),
             _ => diagnostic.help("choose another name"),
         };
     }

@@ -1,4 +1,4 @@
-//! Step files that are shapes: `fn distance(z, p)` in the place of `fn step(z, c, p)`, a field wherever one may stand.
+//! Step files that are shapes: `fn distance(z, p)` instead of `fn step(z, c, p)`, a field wherever one may stand.
 
 use std::sync::Arc;
 

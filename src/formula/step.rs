@@ -37,7 +37,7 @@ pub struct Step {
     pub state: StateWidth,
     /// How r grows under it far out; `None` for isometries and folds.
     pub growth: Option<Growth>,
-    /// What its scalar rule is worth; `None` where it states none.
+    /// What its scalar rule is worth; `None` if it states none.
     pub scalar_rule: Option<ScalarRule>,
     /// False where differentiating it makes no sense, so that finite differences must be used.
     pub differentiable: bool,
@@ -145,7 +145,7 @@ pub struct StepExample {
     pub z: Vec<f64>,
     /// Constant that the step may read.
     pub c: Option<Vec<f64>>,
-    /// What a step that remembers had before; 0 where it is not given.
+    /// What a step that remembers had before; 0 if it is not given.
     pub before: Option<Vec<f64>>,
     /// Parameters that differ from the defaults.
     pub params: Vec<(String, ParamValue)>,
@@ -276,7 +276,7 @@ impl Step {
         self.has_function("step", REMEMBERING.0)
     }
 
-    /// True where the step file has a function of this name and number of arguments.
+    /// True if the step file has a function of this name and number of arguments.
     pub fn has_function(&self, name: &str, arguments: usize) -> bool {
         self.ast.iter_functions().any(|f| f.name == name && f.params.len() == arguments)
     }
@@ -316,7 +316,7 @@ pub struct StepInputs<'g> {
     pub c: Expr<'g>,
     /// Running derivative, where it is followed.
     pub dr: Option<Expr<'g>>,
-    /// State and running derivative that went in the last time, for steps that remember them; 0 where there is none.
+    /// State and running derivative that went in the last time, for steps that remember them; 0 if there is none.
     pub before: Option<Traced<'g>>,
 }
 

@@ -170,7 +170,7 @@ impl Count<'_> {
         }
     }
 
-    /// Expressions that a step makes. What is wrong in its functions is kept, so that that of all steps is told together.
+    /// Expressions that a step makes. Errors in its functions are kept, so that those of all steps are reported together.
     fn traced(&mut self, node: NodeRef, step: &Step, params: &[ParamInput]) -> f64 {
         // A step of any width may be meant for four components alone.
         let widths: &[u8] = match step.state {

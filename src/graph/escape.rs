@@ -80,7 +80,7 @@ const FORMS: &str = "escape tests are: Length(30.0), Largest(4.0), Sum(4.0), Abo
                      Plane(normal: (1, 0, 0), offset: 4.0), Near((1, 0, 0), 0.001), Still(0.001)";
 
 impl Reader<'_> {
-    /// Three or four numbers; a fourth is 0 where there are three.
+    /// Three or four numbers; a fourth is 0 if there are three.
     pub(super) fn point(&mut self, value: &Value) -> Option<[f64; 4]> {
         match &value.kind {
             ValueKind::List(items) | ValueKind::Tuple { name: None, items } if items.len() == 4 => {

@@ -96,7 +96,7 @@ impl Look {
         self.darkens_by_trap() || (0..4).any(|i| self.traps[i].is_some() && shows(i))
     }
 
-    /// Whether occlusion goes by how near orbits came to the origin: they tell of it where traps are none of the file's own.
+    /// Whether occlusion uses how near orbits came to the origin: unless the file has traps of its own.
     pub fn darkens_by_trap(&self) -> bool {
         self.occlusion != 0.0 && self.traps == TRAPS
     }

@@ -2,7 +2,7 @@
 //!
 //! In comes the value tree of a RON file or script ([`read()`]); out comes a [`ValidGraph`]: every name is known, every
 //! parameter in its range, there is no cycle, maps and distance fields stand where they belong. Whatever takes a
-//! `ValidGraph` need not fail for the user's mistakes any more (but for errors inside a step's own script).
+//! `ValidGraph` need not fail for the user's mistakes any more (except errors inside a step's own script).
 
 mod budget;
 pub(crate) mod escape;
@@ -168,7 +168,7 @@ pub enum NodeKind {
         /// Other map.
         otherwise: Option<NodeRef>,
     },
-    /// Maps by turns, each for some iterations.
+    /// Alternating maps, each for some iterations.
     Alternate(Vec<(NodeRef, u32)>),
     /// A map whose iterations add another constant than the orbit's.
     Item {

@@ -52,7 +52,7 @@ impl Reader<'_> {
             _ => {
                 self.d.push(
                     Diagnostic::error(format!("`{}` needs its parts", name.text))
-                        .label(value.span, "write what it is made of in brackets"),
+                        .label(value.span, "write its parts in brackets"),
                 );
                 None
             }
@@ -166,7 +166,7 @@ impl Reader<'_> {
     /// `["a", ("b", 2)]`: nodes, with the number of iterations of each turn.
     fn turns(&mut self, list: &Value) -> Option<Vec<(NodeRef, u32)>> {
         let ValueKind::List(items) = &list.kind else {
-            wrong_type(list, "a list of turns such as [(\"a\", 2), (\"b\", 1)]", self.d);
+            wrong_type(list, "a list of maps and repeats such as [(\"a\", 2), (\"b\", 1)]", self.d);
             return None;
         };
         if items.is_empty() {
@@ -270,7 +270,7 @@ impl Reader<'_> {
         kind
     }
 
-    /// Makes a node of parts that may be missing, once all its fields were read and their errors told.
+    /// Makes a node of parts that may be missing, after all its fields were read and their errors reported.
     fn build(&self, make: impl FnOnce() -> Kind) -> Kind {
         make()
     }

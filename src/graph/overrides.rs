@@ -1,4 +1,4 @@
-//! Values of the command line in the place of a file's.
+//! Values of the command line that replace a file's.
 //!
 //! In come a file's value tree and `--set` pairs; the tree goes out with them in it, so that everything after reads and
 //! checks them like the file's own.
@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use crate::diag::{Diagnostic, Diagnostics, Span};
 use crate::formula::value::{Name, Value, ValueKind};
 
-/// A value that the command line puts in the place of a file's: `parameter`, `field`, `node.parameter`, or a path of any
+/// A value of the command line that replaces a file's: `parameter`, `field`, `node.parameter`, or a path of any
 /// length into the file, such as `look.fog`, `camera.position.x` or `nodes.turn.axis`.
 #[derive(Clone, Debug)]
 pub struct Override {

@@ -20,7 +20,7 @@ pub fn listing(graph: &Graph) -> String {
     text
 }
 
-/// The same, and what the file says of its colours.
+/// The same, with the file's colours.
 pub fn listing_with_look(graph: &Graph) -> String {
     let mut text = listing(graph);
     if graph.look.traps != TRAPS {

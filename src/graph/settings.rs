@@ -6,7 +6,7 @@ use super::NodeRef;
 use super::escape::Escape;
 use crate::diag::Span;
 
-/// Which constant is added after each iteration. Fixed ones have a fourth component, which is 0 where the state has three.
+/// Which constant is added after each iteration. Fixed ones have a fourth component, which is 0 if the state has three.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub enum Constant {
     /// The point.
@@ -420,7 +420,7 @@ pub struct OrbitSettings {
     pub slice: f64,
     /// Where one of these settings has four components.
     pub four: Option<Span>,
-    /// The field that says what is in, in the place of escaping.
+    /// The field that decides what is inside; replaces the escape test.
     pub shape: Option<EndShape>,
     /// What is fixed about the estimate.
     pub estimate: EstimateSettings,
@@ -472,7 +472,7 @@ pub struct Camera {
     pub fov: f64,
 }
 
-/// A rectangle of a plane through space, which a picture shows in the place of a camera's view.
+/// A rectangle of a plane through space, which a picture shows instead of a camera's view.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Plane {
     /// The point in the middle of the picture.

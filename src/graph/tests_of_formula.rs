@@ -20,7 +20,7 @@ pub struct FormulaTest {
 pub struct TestPoint {
     /// The point.
     pub at: [f64; 3],
-    /// Its w, in the place of the orbit's `slice`.
+    /// Its w; replaces the orbit's `slice`.
     pub w: Option<f64>,
 }
 

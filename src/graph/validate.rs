@@ -179,7 +179,7 @@ fn check_kinds(graph: &Graph, node: &Node, d: &mut Diagnostics) {
     if let NodeKind::Orbit { of, settings } = &node.kind
         && [*of].iter().chain(&settings.post).any(|root| graph.embeds(*root))
     {
-        let message = "a step that makes four components of three can stand before an orbit only";
+        let message = "a step that makes four components of three may only stand before an orbit";
         d.push(Diagnostic::error(message).label(node.span, "iterated here").help("name it in `pre: [...]`"));
     }
     let iteration_only = |wire: &NodeRef| matches!(graph.node(*wire).kind, NodeKind::Item { .. });
@@ -358,7 +358,7 @@ impl ValidGraph {
 }
 
 impl Graph {
-    /// True where a map makes a state of four components of three.
+    /// True if a map makes a state of four components of three.
     pub fn embeds(&self, root: NodeRef) -> bool {
         self.any_step(root, |step| step.state == StateWidth::Embeds)
     }

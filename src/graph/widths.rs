@@ -28,7 +28,7 @@ impl Graph {
     }
 }
 
-/// Checks what a node's settings say of the state.
+/// Checks a node's settings against the width of the state.
 pub(super) fn check_node(graph: &Graph, node: &Node, d: &mut Diagnostics) {
     match &node.kind {
         NodeKind::Orbit { of, settings } => {
@@ -113,7 +113,7 @@ fn holds_four(graph: &Graph, root: NodeRef) -> bool {
 fn check_start(graph: &Graph, node: &Node, (of, settings): (NodeRef, &OrbitSettings), d: &mut Diagnostics) {
     if settings.escape.is_convergence() && (!settings.post.is_empty() || settings.shape.is_some()) {
         let message = "an orbit that ends by convergence has no `post` and no `end`";
-        let label = "its distance is told by what becomes small";
+        let label = "its distance comes from what becomes small";
         d.push(Diagnostic::error(message).label(node.span, label).help("take another escape test, or leave them out"));
     }
     if settings.start.is_none() || !graph.node(of).kind.is_map() {

@@ -32,7 +32,7 @@ pub struct Cost {
     pub compare: f64,
     /// Absolute values, signs, roundings, remainders and copies.
     pub other: f64,
-    /// Everything in the time of a product, roughly: dear operators count several times
+    /// Everything in the time of a product, roughly: expensive operators count several times
     /// ([`Operator::weight`]), two products that are computed together count once.
     pub products: f64,
 }

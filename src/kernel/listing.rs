@@ -21,7 +21,7 @@ impl Kernel {
         }
     }
 
-    /// Length of the list of uniforms that the kernel reads; 0 where all of its numbers are constants.
+    /// Length of the list of uniforms that the kernel reads; 0 if all of its numbers are constants.
     pub fn uniforms(&self, arena: &Arena) -> usize {
         let number = |id| match arena.node(id).op {
             Op::Uniform(number) => Some(usize::from(number) + 1),

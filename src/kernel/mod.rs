@@ -228,7 +228,7 @@ pub trait Backend: Sync {
     /// A prepared kernel with other values of its uniforms, by number; nothing is compiled. They are 0 before, and those
     /// that the list lacks keep what they have.
     fn bind(&self, kernel: &Self::Prepared, uniforms: &[f64]) -> Result<Self::Prepared, BackendError>;
-    /// What has been prepared so far, and how long it took; `None` where no account is kept.
+    /// What has been prepared so far, and how long it took; `None` if no account is kept.
     fn compiling(&self) -> Option<Compiling> {
         None
     }

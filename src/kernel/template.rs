@@ -197,7 +197,7 @@ impl<P> KeptKernel<P> {
         self.shape.get_or_insert_with(|| Shape::new(&self.arena, &self.kernel))
     }
 
-    /// Compiles the kernel again where numbers differ from its own that have not moved before; true where it did.
+    /// Compiles the kernel again where numbers differ from its own that have not moved before; true if it did.
     fn follow<B: Backend<Prepared = P>>(&mut self, backend: &B, numbers: &[f64]) -> Result<bool, BackendError> {
         let own = self.shape().numbers.clone();
         self.moves.resize(own.len(), false);
@@ -323,7 +323,7 @@ fn arguments(arena: &Arena, node: &Node) -> Vec<NodeId> {
     args
 }
 
-/// A kernel with uniforms in the place of some of its numbers.
+/// A kernel with uniforms instead of some of its numbers.
 fn with_uniforms(arena: &Arena, kernel: &Kernel, uniforms: &[Option<u16>]) -> Kernel {
     let mut rebuild = Rebuild { arena, left: uniforms };
     match kernel {

@@ -14,7 +14,7 @@ pub struct Work {
 }
 
 impl Work {
-    /// Counts a kernel. Several orbits count as one that is as dear as their average, since iterations are counted for all
+    /// Counts a kernel. Several orbits count as one that is as expensive as their average, since iterations are counted for all
     /// of them together.
     pub fn of(arena: &Arena, kernel: &Kernel) -> Work {
         let all: f64 = kernel.functions().into_iter().map(|function| operations(arena, function)).sum();

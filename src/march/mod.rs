@@ -39,7 +39,7 @@ pub struct MarchSettings {
     pub max_march_steps: u32,
     /// Shortest step as a share of the hit threshold: what is thinner along a ray may be stepped over.
     pub least_step: f64,
-    /// What it is computed in: steps, differences and bisections stay above what that can tell apart.
+    /// What it is computed in: steps, differences and bisections stay above what that can resolve.
     pub precision: Precision,
     /// Whether estimates are proofs: `h` then says how far the next one is to reach.
     pub certified: bool,

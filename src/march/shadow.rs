@@ -1,4 +1,4 @@
-//! The march of rays towards the sun, of which nobody asks but whether they hit.
+//! The march of rays towards the sun, which only need to know whether they hit.
 //!
 //! It does not bisect, its walk is as coarse as the default even where primary rays need a finer one, its threshold is twice
 //! theirs, and it ends where the set is near enough to hide a good part of the sun's disc, which a point at
@@ -27,8 +27,8 @@ const COARSER: f64 = 2.0;
 /// Hit thresholds in front of its start that such a ray has no need to look at.
 pub const SKIPPED: f64 = 4.0;
 
-/// The plan of the shadow rays of a plan's rays: what is seen is proven, what shades it is estimated, since nobody asks of a
-/// shadow's edge whether a hair is missing. Proofs along shadow rays took up to a third of a picture's time.
+/// The plan of the shadow rays of a plan's rays: what is seen is proven, what shades it is estimated, because a missing hair
+/// does not show at a shadow's edge. Proofs along shadow rays took up to a third of a picture's time.
 pub fn shadow_plan(plan: &Plan) -> Plan {
     let mut plan = plan.clone();
     if !plan.is_certified() {

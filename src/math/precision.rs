@@ -1,4 +1,4 @@
-//! The precisions that kernels compute in, and what each of them can tell apart.
+//! The precisions that kernels compute in, and what each of them can resolve.
 
 use serde::{Deserialize, Serialize};
 

@@ -20,7 +20,7 @@ enum Halt {
 }
 
 impl<B: Backend> Renderer<'_, B> {
-    /// Renders the whole picture into memory. `progress` is told the share that is done and returns false to stop.
+    /// Renders the whole picture into memory. `progress` receives the share that is done and returns false to stop.
     pub fn render(&mut self, progress: &mut Progress) -> Result<Option<Image>, BackendError> {
         let mut image = Image { size: self.size, rgb: Vec::new() };
         let mut sink = |mut rows: Vec<u8>| {
@@ -114,7 +114,7 @@ impl<B: Backend> Renderer<'_, B> {
     /// The colours of a band's pixels with more samples where they are needed.
     fn both_passes(&self, band: Tile, seen: &mut Seen, meter: &Meter, stats: &mut Stats) -> Result<Vec<u8>, Halt> {
         let end = band.y + band.height;
-        // Whether a pixel of the last row is refined hangs on the row below it.
+        // Whether a pixel of the last row is refined depends on the row below it.
         let (rows, samples) = seen.extend((end + 1).min(self.size.height));
         self.in_parts(windows(rows, samples, self.cut.tile), meter, stats, |mut pixels, part| {
             self.first_samples(&mut pixels, part, |sample| sample)?;
@@ -141,7 +141,7 @@ impl<B: Backend> Renderer<'_, B> {
         windows(band, rgb, self.cut.tile).into_par_iter().flat_map_iter(of_tile).collect()
     }
 
-    /// Takes the other samples of the pixels that need them, and puts their colours in the place of the first ones.
+    /// Takes the other samples of the pixels that need them, and replaces the first colours by theirs.
     fn second_pass(
         &self,
         band: Tile,

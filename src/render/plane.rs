@@ -1,4 +1,4 @@
-//! The passes of a picture of a plane: those of any picture, with one estimate in the place of the march.
+//! The passes of a picture of a plane: those of any picture, with one estimate instead of the march.
 
 use super::passes::{Passes, Role, Slot};
 use super::{Pipeline, RenderSettings};

@@ -63,7 +63,7 @@ impl<'a> ViewKernels<'a> {
         Ok(ViewKernels { pipeline, crossing, decision })
     }
 
-    /// Marches all pixels. `progress` is told the share that is done.
+    /// Marches all pixels. `progress` receives the share that is done.
     pub fn run<B: Backend>(
         &self,
         backend: &B,
@@ -127,7 +127,7 @@ pub fn pixels(size: Size) -> Vec<(u32, u32)> {
     tiles(size).iter().flat_map(|tile| tile.pixels()).collect()
 }
 
-/// Walks the rays through all pixels' centres by brute force, in f64; in the order of `pixels`. `progress` is told the
+/// Walks the rays through all pixels' centres by brute force, in f64; in the order of `pixels`. `progress` receives the
 /// share that is done.
 pub fn find_truths(
     composer: &Composer,

@@ -39,7 +39,7 @@ pub struct Shown {
     pub size: Size,
     /// Rows from the top.
     pub pixels: Vec<Pixel>,
-    /// What numbers mean; nothing where there are classes only.
+    /// What numbers mean; nothing if there are classes only.
     pub axis: Option<Axis>,
     /// Words at the low and the high end of the axis.
     pub ends: [&'static str; 2],
@@ -49,7 +49,7 @@ pub struct Shown {
     pub facts: Vec<(String, String)>,
 }
 
-// Okabe and Ito's colours (2008), which readers without full colour vision can tell apart, and greys.
+// Okabe and Ito's colours (2008), which readers without full colour vision can distinguish, and greys.
 const ORANGE: u32 = 0xe6_9f_00;
 const SKY: u32 = 0x56_b4_e9;
 const GREEN: u32 = 0x00_9e_73;
@@ -128,7 +128,7 @@ impl Shown {
         self.pixels.iter().filter(|p| **p == Pixel::Class(class)).count()
     }
 
-    /// Median, 99th percentile and maximum of the numbers' sizes; nothing where there are none.
+    /// Median, 99th percentile and maximum of the numbers' sizes; nothing if there are none.
     pub fn spread(&self) -> Option<[f64; 3]> {
         let mut sizes: Vec<f64> = self.values().into_iter().map(f64::abs).collect();
         sizes.sort_by(f64::total_cmp);

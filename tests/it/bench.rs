@@ -13,8 +13,8 @@ fn bench(arguments: &[&str]) -> Output {
 }
 
 fn text(output: &Output) -> String {
-    assert!(output.status.success(), "{}", stderr(&output));
-    stdout(&output)
+    assert!(output.status.success(), "{}", stderr(output));
+    stdout(output)
 }
 
 fn json(arguments: &[&str]) -> Value {

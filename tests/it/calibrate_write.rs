@@ -9,7 +9,7 @@ use bulbfold::graph::NodeKind;
 use crate::support::{bulbfold, folder, stderr, stdout};
 
 fn texts(output: &Output) -> String {
-    format!("{}{}", stdout(&output), stderr(&output))
+    format!("{}{}", stdout(output), stderr(output))
 }
 
 const MENGER: &str = "// kept\n(\n    nodes: { \"a\": Sequence([menger_fold(), scale(scale: 3.0, centre: (1, 1, 1))]) },\n    constant: Off, // here too\n    escape_radius: 8.0,\n    max_iterations: 4,\n    bounding_radius: 1.75,\n    camera: (position: (2.2, -3.2, 1.9), target: (0, 0, 0), fov: 40),\n)\n";
@@ -25,7 +25,7 @@ fn the_choice_is_written_and_nothing_else_changes() {
     std::fs::write(path("broken.ron"), "(nodes: { \"a\": nothing() })").unwrap();
     let files = ["sponge.ron", "scene.ron", "ball.ron", "broken.ron"];
     let arguments = |files: &[&'static str]| [&["calibrate"], files, &["--write", "--size", "320x240"]].concat();
-    let output = bulbfold(folder.path(), &arguments(&files));
+    let output = bulbfold(folder.path(), arguments(&files));
     assert_eq!(output.status.code(), Some(1), "{}", texts(&output));
     for text in ["2 of 4 files changed, 1 failed", "no orbit", "unknown step or node kind `nothing`"] {
         assert!(texts(&output).contains(text), "{text}\n{}", texts(&output));
@@ -51,7 +51,7 @@ fn the_choice_is_written_and_nothing_else_changes() {
         Formula::open(path(name)).unwrap().assert_tests();
     }
     // What is calibrated is measured anew, with the same outcome.
-    let output = bulbfold(folder.path(), &arguments(&files[..2]));
+    let output = bulbfold(folder.path(), arguments(&files[..2]));
     assert!(output.status.success() && texts(&output).contains("0 of 2 files changed"), "{}", texts(&output));
     assert_eq!(std::fs::read_to_string(path("sponge.ron")).unwrap(), sponge);
 }
@@ -71,7 +71,7 @@ fn tables_of_truths_say_who_breaks_the_budget() {
     let folder = folder();
     let quick = ["--rays", "150", "--size", "160x120", "--de", "scalar", "--calibrate", "off", "--markdown"];
     let table = |files: &[&'static str], fudge: &'static str| {
-        bulbfold(folder.path(), &[&["truth"], files, &quick, &["--fudge", fudge]].concat())
+        bulbfold(folder.path(), [&["truth"], files, &quick, &["--fudge", fudge]].concat())
     };
     // The sponge's scalar rule is a bound, so nothing is missed.
     let output = table(&["menger"], "1");
@@ -98,7 +98,7 @@ const WITHOUT_ORBIT: [&str; 4] = ["cabinet_of_shapes", "chain_and_heart", "torus
 #[test]
 fn built_in_fractals_carry_their_estimate_and_have_a_row_of_truth() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let page = std::fs::read_to_string(root.join("docs/defaults.md")).expect("scripts/defaults.sh wrote it");
+    let page = std::fs::read_to_string(root.join("docs/lab/defaults.md")).expect("scripts/defaults.sh wrote it");
     let mut seen = 0;
     for entry in std::fs::read_dir(root.join("formulas/fractals")).unwrap() {
         let path = entry.unwrap().path();

@@ -94,7 +94,7 @@ fn beside(step: &str, graph: &str) -> tempfile::TempDir {
 fn expect_wrong(step: &str, words: &[&str]) {
     let folder = beside(step, GRAPH);
     for file in ["mine.ron", "my_step.rhai"] {
-        let output = bulbfold(folder.path(), &["check", file, "--size", "320x180"]);
+        let output = bulbfold(folder.path(), ["check", file, "--size", "320x180"]);
         let text = stdout(&output);
         assert_eq!(output.status.code(), Some(1), "{file}\n{text}\n{}", stderr(&output));
         for word in words {
@@ -108,7 +108,7 @@ fn expect_wrong(step: &str, words: &[&str]) {
 fn a_sound_step_is_clean() {
     let folder = beside(SOUND, GRAPH);
     for file in ["mine.ron", "my_step.rhai"] {
-        let output = bulbfold(folder.path(), &["check", file, "--size", "320x180"]);
+        let output = bulbfold(folder.path(), ["check", file, "--size", "320x180"]);
         let text = stdout(&output);
         assert_eq!(output.status.code(), Some(0), "{file}\n{text}\n{}", stderr(&output));
         assert!(text.contains("result: 0 wrong"), "{text}");
@@ -201,7 +201,7 @@ fn iterations_that_no_pixel_shows_are_noted() {
 fn bad_input_is_refused_with_2() {
     let folder = beside(SOUND, "(nodes: {");
     for file in ["mine.ron", "no_such_thing", "."] {
-        let output = bulbfold(folder.path(), &["check", file]);
+        let output = bulbfold(folder.path(), ["check", file]);
         assert_eq!(output.status.code(), Some(2), "{file}");
         assert!(stderr(&output).starts_with("error"), "{file}");
     }
@@ -210,7 +210,7 @@ fn bad_input_is_refused_with_2() {
 #[test]
 fn json_lines_are_complete() {
     let folder = beside(&SOUND.replace("dr * 1.0", "dr * 0.5"), GRAPH);
-    let output = bulbfold(folder.path(), &["check", "mine.ron", "--size", "320x180", "--json"]);
+    let output = bulbfold(folder.path(), ["check", "mine.ron", "--size", "320x180", "--json"]);
     assert_eq!(output.status.code(), Some(1));
     let text = stdout(&output);
     let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();

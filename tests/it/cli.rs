@@ -25,7 +25,7 @@ fn files(folder: &Path) -> Vec<String> {
 #[test]
 fn a_render_writes_one_picture_and_keeps_stdout_clean() {
     let folder = folder();
-    let output = bulbfold(folder.path(), &["render", "mandelbulb", "--size", "64x48", "--backend", "cpu"]);
+    let output = bulbfold(folder.path(), ["render", "mandelbulb", "--size", "64x48", "--backend", "cpu"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert!(output.stdout.is_empty());
     assert!(stderr(&output).contains("mandelbulb.png"));
@@ -51,7 +51,7 @@ fn statistics_are_one_json_object() {
         "-o",
         "box.png",
     ];
-    let output = bulbfold(folder.path(), &arguments);
+    let output = bulbfold(folder.path(), arguments);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert!(output.stderr.is_empty(), "{}", stderr(&output));
     let report: Value = serde_json::from_str(&stdout(&output)).expect("stdout is one JSON object");
@@ -123,7 +123,7 @@ fn a_probe_of_points_gives_a_line_each_in_order() {
     std::fs::write(folder.path().join("points.csv"), "x,y,z\r\n\r\n 1.3, 0, 0\r\n0,0,0\n")
         .expect("the file is written");
     let arguments = ["probe", "mandelbulb", "--json", "--points", "points.csv"];
-    let output = bulbfold(folder.path(), &arguments);
+    let output = bulbfold(folder.path(), arguments);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let lines = json_lines(&output);
     assert_eq!(lines.len(), 2);
@@ -133,9 +133,9 @@ fn a_probe_of_points_gives_a_line_each_in_order() {
         assert!(lines[0]["de"][method].as_f64().is_some_and(|de| de > 0.1 && de < 0.3), "{}", lines[0]);
     }
     let output =
-        bulbfold(folder.path(), &["probe", "mandelbulb", "--json", "--point", "-1.3,0,-2", "--precision", "f32"]);
+        bulbfold(folder.path(), ["probe", "mandelbulb", "--json", "--point", "-1.3,0,-2", "--precision", "f32"]);
     assert_eq!(json_lines(&output)[0]["p"], serde_json::json!([-1.3, 0.0, -2.0]));
-    let output = bulbfold(folder.path(), &["probe", "mandelbulb", "--point", "1.3,0,0"]);
+    let output = bulbfold(folder.path(), ["probe", "mandelbulb", "--point", "1.3,0,0"]);
     let text = stdout(&output);
     assert!(text.contains("escaped true") && text.contains("p (1.300000, 0.000000, 0.000000)"), "{text}");
 }
@@ -144,7 +144,7 @@ fn a_probe_of_points_gives_a_line_each_in_order() {
 fn a_bad_line_of_points_is_named() {
     let folder = folder();
     std::fs::write(folder.path().join("points.csv"), "1,2,3\n\n1,2\n").expect("the file is written");
-    let output = bulbfold(folder.path(), &["probe", "mandelbulb", "--json", "--points", "points.csv"]);
+    let output = bulbfold(folder.path(), ["probe", "mandelbulb", "--json", "--points", "points.csv"]);
     assert_eq!(code(&output), 2);
     assert!(stderr(&output).contains("points.csv:3"), "{}", stderr(&output));
 }
@@ -153,8 +153,7 @@ fn a_bad_line_of_points_is_named() {
 fn a_probe_of_rays_hits_or_misses() {
     let folder = folder();
     std::fs::write(folder.path().join("rays.csv"), "0,-3,0,0,2,0\n0,-3,0,1,0,0\n0,0,0,0,0,1\n").expect("written");
-    let output =
-        bulbfold(folder.path(), &["probe", "mandelbulb", "--json", "--rays", "rays.csv", "--hit-eps", "0.001"]);
+    let output = bulbfold(folder.path(), ["probe", "mandelbulb", "--json", "--rays", "rays.csv", "--hit-eps", "0.001"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let lines = json_lines(&output);
     let depth = lines[0]["t"].as_f64().expect("the first ray hits");
@@ -166,13 +165,13 @@ fn a_probe_of_rays_hits_or_misses() {
 #[test]
 fn new_files_work_as_written_and_are_never_overwritten() {
     let folder = folder();
-    assert_eq!(code(&bulbfold(folder.path(), &["new", "flower"])), 0);
-    assert_eq!(code(&bulbfold(folder.path(), &["new", "my_pull", "--step"])), 0);
+    assert_eq!(code(&bulbfold(folder.path(), ["new", "flower"])), 0);
+    assert_eq!(code(&bulbfold(folder.path(), ["new", "my_pull", "--step"])), 0);
     let formula = std::fs::read_to_string(folder.path().join("flower.ron")).expect("the file is there");
-    let output = bulbfold(folder.path(), &["new", "flower"]);
+    let output = bulbfold(folder.path(), ["new", "flower"]);
     assert_eq!(code(&output), 2);
     assert_eq!(std::fs::read_to_string(folder.path().join("flower.ron")).expect("still there"), formula);
-    let output = bulbfold(folder.path(), &["render", "flower.ron", "--size", "64x48", "--backend", "cpu", "--json"]);
+    let output = bulbfold(folder.path(), ["render", "flower.ron", "--size", "64x48", "--backend", "cpu", "--json"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let report: Value = serde_json::from_str(&stdout(&output)).expect("JSON");
     assert!(report["hits"].as_u64().is_some_and(|hits| hits > 200), "{report}");
@@ -180,9 +179,9 @@ fn new_files_work_as_written_and_are_never_overwritten() {
     let hybrid =
         "(nodes: { \"a\": my_pull(amount: 1.0), \"b\": bulb_power(), \"c\": Sequence([\"a\", \"b\"]) }, output: \"c\")";
     std::fs::write(folder.path().join("hybrid.ron"), hybrid).expect("the file is written");
-    let output = bulbfold(folder.path(), &["render", "hybrid.ron", "--size", "16x16", "--backend", "cpu"]);
+    let output = bulbfold(folder.path(), ["render", "hybrid.ron", "--size", "16x16", "--backend", "cpu"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
-    assert_eq!(code(&bulbfold(folder.path(), &["explain", "my_pull", "--steps", "."])), 0);
+    assert_eq!(code(&bulbfold(folder.path(), ["explain", "my_pull", "--steps", "."])), 0);
 }
 
 #[test]
@@ -190,12 +189,12 @@ fn every_stage_is_printed_the_same_each_time() {
     let folder = folder();
     for stage in ["graph", "expr", "wgsl", "tape", "dot"] {
         let arguments = ["compile", "mandelbox", "--emit", stage];
-        let output = bulbfold(folder.path(), &arguments);
+        let output = bulbfold(folder.path(), arguments);
         assert_eq!(code(&output), 0, "{stage}: {}", stderr(&output));
         assert!(!output.stdout.is_empty());
-        assert_eq!(output.stdout, bulbfold(folder.path(), &arguments).stdout, "{stage}");
+        assert_eq!(output.stdout, bulbfold(folder.path(), arguments).stdout, "{stage}");
     }
-    let output = bulbfold(folder.path(), &["compile", "mandelbox", "--emit", "expr"]);
+    let output = bulbfold(folder.path(), ["compile", "mandelbox", "--emit", "expr"]);
     assert!(stdout(&output).contains("formulas/steps/box_fold.rhai:"), "{}", stdout(&output));
 }
 
@@ -212,7 +211,7 @@ fn scripts_take_parameters() {
     assert_eq!(code(&graph(&["count=1.5"])), 2);
     assert_eq!(code(&graph(&["cuont=3"])), 2);
     let hybrid =
-        |seed: &str| stdout(&bulbfold(folder.path(), &["compile", "random_hybrid", "--emit", "graph", "--set", seed]));
+        |seed: &str| stdout(&bulbfold(folder.path(), ["compile", "random_hybrid", "--emit", "graph", "--set", seed]));
     assert_eq!(hybrid("seed=3"), hybrid("seed=3"));
     assert_ne!(hybrid("seed=3"), hybrid("seed=4"));
 }
@@ -220,13 +219,13 @@ fn scripts_take_parameters() {
 #[test]
 fn lists_explanations_and_references_are_written() {
     let folder = folder();
-    let list: Value = serde_json::from_str(&stdout(&bulbfold(folder.path(), &["list", "--json"]))).expect("JSON");
+    let list: Value = serde_json::from_str(&stdout(&bulbfold(folder.path(), ["list", "--json"]))).expect("JSON");
     for step in list["steps"].as_array().expect("a list of steps") {
         let name = step["name"].as_str().expect("a name");
-        let output = bulbfold(folder.path(), &["explain", name]);
+        let output = bulbfold(folder.path(), ["explain", name]);
         assert_eq!(code(&output), 0, "{name}: {}", stderr(&output));
     }
-    let output = bulbfold(folder.path(), &["docs", "-o", "."]);
+    let output = bulbfold(folder.path(), ["docs", "-o", "."]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert_eq!(files(folder.path()), ["fractals.md", "operators.md", "steps.md"]);
 }
@@ -246,7 +245,7 @@ fn a_closed_pipe_is_not_an_error() {
 #[test]
 fn the_doctor_finds_the_cpu_back_ends_in_agreement() {
     let folder = folder();
-    let output = bulbfold(folder.path(), &["doctor"]);
+    let output = bulbfold(folder.path(), ["doctor"]);
     let text = stdout(&output);
     assert!(text.contains("PASS     mandelbulb on cpu, f32"), "{text}");
     assert_eq!(code(&output) == 0, !text.contains("FAIL"), "{text}");
@@ -258,7 +257,7 @@ fn an_audit_says_what_is_proven_and_what_was_missed() {
     // Where r - R is said to be r, a gradient overestimates: some of a Mandelbox of scale -1.5 is missed.
     let arguments =
         ["audit", "mandelbox_negative", "--de", "gradient", "--rays", "300", "--size", "64x48", "--json", "--quiet"];
-    let output = bulbfold(folder.path(), &arguments);
+    let output = bulbfold(folder.path(), arguments);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert!(stderr(&output).is_empty(), "quiet means quiet");
     let audit: Value = serde_json::from_str(&stdout(&output)).expect("JSON");
@@ -268,7 +267,7 @@ fn an_audit_says_what_is_proven_and_what_was_missed() {
     let wrong = audit["wrong"].as_array().expect("a list");
     assert!(wrong.iter().any(|w| w["kind"] == "missed hit" && w["certified"].is_f64()), "{audit}");
 
-    let output = bulbfold(folder.path(), &["audit", "menger", "--rays", "100", "--size", "32x24"]);
+    let output = bulbfold(folder.path(), ["audit", "menger", "--rays", "100", "--size", "32x24"]);
     let text = stdout(&output);
     let row = |name: &str| text.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name}: {text}"));
     assert!(row("rays").ends_with("100") && row("missed hits").contains("0 (0.00 %)"), "{text}");

@@ -97,7 +97,7 @@ fn compare(cpu: Cpu) {
     }
 }
 
-/// Estimates whose states fit into registers, also with several steps by turns; a third of the lanes is not wanted.
+/// Estimates whose states fit into registers, also with several alternating steps; a third of the lanes is not wanted.
 #[test]
 fn scalar_estimates_are_those_of_the_interpreter() {
     for name in ["mandelbulb", "mandelbox", "box_bulb", "sierpinski_tetrahedron"] {

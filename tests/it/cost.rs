@@ -248,6 +248,6 @@ fn emit_cost_says_that_steps_of_proofs_are_bare() {
         let output = bulbfold(Path::new("."), ["compile", "box_bulb", "--emit", "cost", "--de", method]);
         let text = stdout(&output);
         assert!(output.status.success(), "{}", stderr(&output));
-        assert_eq!(text.contains("Steps stand without the bounds"), is_said, "{method}:\n{text}");
+        assert_eq!(text.contains("Steps are listed without the bounds"), is_said, "{method}:\n{text}");
     }
 }

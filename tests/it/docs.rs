@@ -234,7 +234,7 @@ fn words(command: &str) -> Vec<String> {
 #[test]
 fn commands_of_the_readme_work() {
     let folder = folder();
-    let output = bulbfold(folder.path(), &["new", "my_hybrid"]);
+    let output = bulbfold(folder.path(), ["new", "my_hybrid"]);
     assert!(output.status.success(), "{}", stderr(&output));
     // `gallery` has tests of its own, measured times need a quiet machine, and there is no scene to import.
     let left_out = ["gallery", "bench", "import"];
@@ -246,7 +246,7 @@ fn commands_of_the_readme_work() {
     for command in run {
         let words = words(command);
         let words: Vec<&str> = words.iter().map(String::as_str).collect();
-        let output = bulbfold(folder.path(), &quick(&words));
+        let output = bulbfold(folder.path(), quick(&words));
         assert!(output.status.success(), "{command}: {}", stderr(&output));
     }
 }
@@ -296,7 +296,7 @@ fn follow(page: &str, folder: &Path, line: &str) {
     let (command, note) = line.split_once(" #").unwrap_or((line, ""));
     let words: Vec<&str> = command.split_whitespace().collect();
     assert_eq!(words.first(), Some(&"bulbfold"), "{page}: {line}");
-    let output = bulbfold(folder, &quick(&words[1..]));
+    let output = bulbfold(folder, quick(&words[1..]));
     let said = stderr(&output);
     assert!(output.status.code().is_some_and(|code| code <= 2), "{page}: {line}\n{said}");
     assert_eq!(!output.status.success(), note.trim() == "fails", "{page}: {line}\n{said}");

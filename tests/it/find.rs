@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::support::{bulbfold, folder, stderr, stdout};
 
 fn listed(arguments: &[&str], kind: &str) -> Vec<String> {
-    let output = bulbfold(Path::new("."), &[&["list", "--json"], arguments].concat());
+    let output = bulbfold(Path::new("."), [&["list", "--json"], arguments].concat());
     assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
     let list: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let names = list[kind].as_array().expect("a list").iter();
@@ -62,17 +62,17 @@ fn mistakes_are_told_with_the_closest_name() {
 fn new_files_start_from_any_step_or_fractal() {
     let folder = folder();
     for (name, from, file) in [("my_box", "mandelbox", "my_box.ron"), ("my_fold", "box_fold", "my_fold.rhai")] {
-        let output = bulbfold(folder.path(), &["new", name, "--from", from]);
+        let output = bulbfold(folder.path(), ["new", name, "--from", from]);
         assert!(output.status.success(), "{}", stderr(&output));
         let text = std::fs::read_to_string(folder.path().join(file)).expect("the file was written");
         assert!(text.lines().next().is_some_and(|line| line.contains(&format!("`{from}`"))), "{text}");
         // It is not overwritten.
-        let output = bulbfold(folder.path(), &["new", name, "--from", from]);
+        let output = bulbfold(folder.path(), ["new", name, "--from", from]);
         assert_eq!(output.status.code(), Some(2));
         assert_eq!(std::fs::read_to_string(folder.path().join(file)).expect("it is there"), text);
-        let output = bulbfold(folder.path(), &["test", file, "--no-gpu"]);
+        let output = bulbfold(folder.path(), ["test", file, "--no-gpu"]);
         assert!(output.status.success(), "{}", stdout(&output));
     }
-    let output = bulbfold(folder.path(), &["new", "a", "--from", "mandelbx"]);
+    let output = bulbfold(folder.path(), ["new", "a", "--from", "mandelbx"]);
     assert!(stderr(&output).contains("did you mean `mandelbox`?"));
 }

@@ -59,7 +59,7 @@ fn a_camera_in_the_set_is_told_and_nothing_is_measured() {
     let output = run(&["render", "tests/it/reach/inside.ron", "--size", "64x36", "--json", "-q", "-o", picture]);
     let told = stderr(&output);
     assert!(output.status.success(), "{told}");
-    assert!(told.contains("inside of the set") && told.contains("--camera="), "{told}");
+    assert!(told.contains("inside the set") && told.contains("--camera="), "{told}");
     assert!(!told.contains("no estimate keeps"), "{told}");
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(json["calibration"]["rays"], 0, "{json}");

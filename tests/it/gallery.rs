@@ -19,7 +19,7 @@ fn gallery(folder: &Path, arguments: &[&str]) -> Output {
 }
 
 fn error_of(output: &Output) -> String {
-    stderr(&output)
+    stderr(output)
 }
 
 const BALL: &str = r#"(summary: "A <b>ball</b>.", group: "mine", params: {"size": (default: 1.0, help: "Its radius")},

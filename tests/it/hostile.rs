@@ -196,7 +196,7 @@ fn long_steps_are_taken_or_refused_by_all_commands() {
 
 /// Control characters but for line ends and tabs.
 fn controls(output: &Output) -> Vec<char> {
-    let text = [stdout(&output), stderr(&output)].concat();
+    let text = [stdout(output), stderr(output)].concat();
     text.chars().filter(|c| c.is_control() && !"\n\r\t".contains(*c)).collect()
 }
 

@@ -77,7 +77,7 @@ fn latex_of_all_steps_and_fractals_is_balanced() {
 fn hybrids_tell_their_schedule_and_every_iteration() {
     let page = explain(&["box_bulb"]);
     for part in
-        ["Iteration A", "Iteration B", "by turns A, then B", "clamp(z, -limit, limit)", "z' = z + c", "escape test"]
+        ["Iteration A", "Iteration B", "alternating A, then B", "clamp(z, -limit, limit)", "z' = z + c", "escape test"]
     {
         assert!(page.contains(part), "{part} is missing: {page}");
     }

@@ -213,7 +213,7 @@ fn the_gpu_draws_the_same() {
         let render = |backend: &str| {
             let output = format!("{backend}.png");
             let common = ["render", name, "--set", set, "--size", "120x80", "--calibrate", "off", "--quiet"];
-            bulbfold(folder.path(), &[&common[..], &["--backend", backend, "-o", &output]].concat())
+            bulbfold(folder.path(), [&common[..], &["--backend", backend, "-o", &output]].concat())
         };
         let tried = render("gpu");
         if !tried.status.success() {
@@ -243,7 +243,7 @@ fn planes_cut_solids() {
     let folder = folder();
     for (asked, taken) in [("directional", "jacobian"), ("certified", "gradient")] {
         let common = ["render", "mandelbulb", "--set", "plane=(height: 2.6)", "--size", "24x16", "--stats"];
-        let output = bulbfold(folder.path(), &[&common[..], &["--backend", "cpu", "--de", asked]].concat());
+        let output = bulbfold(folder.path(), [&common[..], &["--backend", "cpu", "--de", asked]].concat());
         let told = format!("{taken}, logarithmic: for `{asked}`");
         assert!(output.status.success() && stderr(&output).contains(&told), "{}", stderr(&output));
     }
@@ -256,7 +256,7 @@ fn precision_follows_the_pixels_size() {
         let set = format!("height={height}");
         let common = ["render", "mandelbrot", "--backend", "cpu", "--size", "24x16", "--samples", "1"];
         let place = ["--set", "x=-0.75", "--set", "y=0.1", "--set", "max_iterations=50", "--set", &set];
-        let output = bulbfold(folder.path(), &[&common[..], &place[..]].concat());
+        let output = bulbfold(folder.path(), [&common[..], &place[..]].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         stderr(&output)
     };
@@ -271,12 +271,12 @@ fn sweeps_zoom_with_the_kernels_of_the_first_frame() {
     let common = ["render", "mandelbrot", "--backend", "cpu", "--size", "48x32", "--samples", "1", "--quiet"];
     let place = ["--set", "x=-1.7649", "--set", "max_iterations=200"];
     let sweep = ["--sweep", "height=0.5..0.1", "--frames", "3", "--json", "-o", "f%d.png"];
-    let output = bulbfold(folder.path(), &[&common[..], &place[..], &sweep[..]].concat());
+    let output = bulbfold(folder.path(), [&common[..], &place[..], &sweep[..]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!((&report["frames"], &report["kernels_compiled"]), (&3.into(), &6.into()), "{report}");
     let own = ["--set", "height=0.3", "-o", "own.png"];
-    assert!(bulbfold(folder.path(), &[&common[..], &place[..], &own[..]].concat()).status.success());
+    assert!(bulbfold(folder.path(), [&common[..], &place[..], &own[..]].concat()).status.success());
     assert_eq!(pixels(&folder.path().join("f2.png")), pixels(&folder.path().join("own.png")));
 }
 
@@ -301,8 +301,8 @@ fn what_needs_rays_says_so() {
             stderr(&output)
         );
     }
-    let explained = bulbfold(folder.path(), &["explain", "mandelbrot"]);
+    let explained = bulbfold(folder.path(), ["explain", "mandelbrot"]);
     assert!(stdout(&explained).contains("Pictures show the points of a plane"));
-    let list = bulbfold(folder.path(), &["list", "--dimension", "2"]);
+    let list = bulbfold(folder.path(), ["list", "--dimension", "2"]);
     assert!(stdout(&list).contains("mandelbrot"));
 }

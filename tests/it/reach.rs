@@ -100,7 +100,7 @@ fn endless_sets_are_told() {
     let text = "(nodes: { \"a\": Tile(of: Sphere(radius: 0.5), period: (2, 2, 2)) }, output: \"a\")";
     let plan = Formula::from_ron(text).unwrap().plan().clone();
     assert_eq!(plan.reach, Reach::Endless);
-    assert!(plan.warnings.iter().any(|w| w.contains("goes on beyond")), "{:?}", plan.warnings);
+    assert!(plan.warnings.iter().any(|w| w.contains("reaches beyond")), "{:?}", plan.warnings);
 }
 
 #[test]

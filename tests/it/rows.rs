@@ -46,13 +46,13 @@ fn orbits_are_those_of_the_program() {
             settings.join("\n")
         );
         std::fs::write(path.join("case.fract"), file).expect("a file can be written");
-        let imported = bulbfold(path, &["import", "case.fract", "-o", "case.ron", "--force"]);
+        let imported = bulbfold(path, ["import", "case.fract", "-o", "case.ron", "--force"]);
         assert!(imported.status.success(), "{case}\n{}", stderr(&imported));
         let text = std::fs::read_to_string(path.join("case.ron")).expect("the file was written");
         std::fs::write(path.join("case.ron"), graph(&text)).expect("a file can be written");
         let start: Vec<String> = numbers(start).iter().map(f64::to_string).collect();
         let point = format!("--point={}", start.join(","));
-        let probed = bulbfold(path, &["probe", "case.ron", &point, "--json"]);
+        let probed = bulbfold(path, ["probe", "case.ron", &point, "--json"]);
         assert!(probed.status.success(), "{case}\n{}", stderr(&probed));
         let output = stdout(&probed);
         let json: serde_json::Value = serde_json::from_str(output.trim()).expect("one object");

@@ -1,13 +1,13 @@
 //! Which built-in fractals tests run on whose time would grow with the library.
 //!
 //! What every fractal must keep by itself (its own tests, agreement of back ends, its calibrated estimate) is tested for all
-//! of them by `bulbfold test` in tests/formulas.rs. What is a property of the program, and not of a fractal, is tested on
+//! of them by `bulbfold test` in tests/it/formulas.rs. What is a property of the program, and not of a fractal, is tested on
 //! one fractal of each kind and on others spread over the list.
 
 use bulbfold::formula::embedded::FRACTALS;
 
 /// One of each kind: logarithmic and linear, box and primitives, 3 and 4 components, conformal or not, Julia and Mandelbrot,
-/// orbits by turns and by ranges, several fields.
+/// alternating orbits and ranges, several fields.
 const KINDS: [&str; 13] = [
     "box_bulb",
     "bulb_on_floor",

@@ -205,7 +205,7 @@ fn reserved_words_are_named() {
     let word = "`loop` is a reserved word of the script language";
     expect_all(&message("a.rhai", "let loop = box_fold();\nloop\n", ""), &[word, "a.rhai:1:5"]);
     let key = "#{ nodes: #{ loop: box_fold() }, output: \"loop\" }";
-    expect_all(&message("a.rhai", key, ""), &[word, "a.rhai:1:14", "it stands in quotes: \"loop\": ..."]);
+    expect_all(&message("a.rhai", key, ""), &[word, "a.rhai:1:14", "write it in quotes: \"loop\": ..."]);
     expect_all(
         &message("a.ron", USES, "fn step(z, c, p) {\n    let if = z;\n    if\n}\n#{}\n"),
         &["`if` is a reserved word"],
@@ -320,7 +320,7 @@ fn a_camera_is_set_where_the_file_has_none() {
             "-o",
             name,
         ];
-        let output = bulbfold(folder.path(), &[&small[..], more].concat());
+        let output = bulbfold(folder.path(), [&small[..], more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         std::fs::read(folder.path().join(name)).expect("a picture")
     };
@@ -338,7 +338,7 @@ fn sweeps_take_lists_paths_and_whole_numbers() {
     let sweep = |more: &[&str]| {
         let small =
             ["render", "a.rhai", "--size", "4x3", "--samples", "1", "--calibrate", "off", "--backend", "cpu", "-q"];
-        bulbfold(folder.path(), &[&small[..], more].concat())
+        bulbfold(folder.path(), [&small[..], more].concat())
     };
     let files = |prefix: &str| {
         let names = std::fs::read_dir(folder.path()).expect("the folder").flatten().map(|e| e.file_name());

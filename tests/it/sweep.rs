@@ -21,7 +21,7 @@ fn difference(a: &Path, b: &Path) -> f64 {
 }
 
 fn has_gpu(folder: &Path) -> bool {
-    let tried = bulbfold(folder, &[&SMALL, &["--backend", "gpu", "-o", "tried.png"][..]].concat());
+    let tried = bulbfold(folder, [&SMALL, &["--backend", "gpu", "-o", "tried.png"][..]].concat());
     let required = std::env::var("BULBFOLD_REQUIRE_GPU").is_ok_and(|v| v == "1");
     assert!(tried.status.success() || !required, "{}", stderr(&tried));
     tried.status.success()
@@ -117,7 +117,7 @@ fn wrong_sweeps_say_what_to_do() {
         (&["--sweep", "camera=0,0,0..1,1,1", "--sweep", "target=0,0,0..1,1,1", "--frames", "3"], "target"),
     ];
     for (arguments, expected) in cases {
-        let output = bulbfold(folder.path(), &[&SMALL, arguments].concat());
+        let output = bulbfold(folder.path(), [&SMALL, arguments].concat());
         let told = stderr(&output);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {told}");
         assert!(told.contains(expected), "{arguments:?}: {told}");

@@ -329,7 +329,7 @@ fn finding_can_be_stopped() {
 fn the_command_prints_a_table_and_json_lines() {
     let output = bulbfold(
         Path::new("."),
-        &["truth", "menger", "--rays", "60", "--size", "160x120", "--de", "scalar", "--fudge", "0.9"],
+        ["truth", "menger", "--rays", "60", "--size", "160x120", "--de", "scalar", "--fudge", "0.9"],
     );
     let text = stdout(&output);
     assert!(output.status.success(), "{text}");
@@ -338,7 +338,7 @@ fn the_command_prints_a_table_and_json_lines() {
     {
         assert!(text.contains(word), "{word}\n{text}");
     }
-    let output = bulbfold(Path::new("."), &["truth", "menger", "--rays", "60", "--size", "160x120", "--json"]);
+    let output = bulbfold(Path::new("."), ["truth", "menger", "--rays", "60", "--size", "160x120", "--json"]);
     let text = stdout(&output);
     let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
     assert_eq!(lines.len(), 61);
@@ -394,13 +394,13 @@ fn the_command_takes_rays_from_a_file() {
     let path = folder.path().join("rays.csv");
     // Onto the rim of a face, and through the hole in its middle.
     std::fs::write(&path, "ox,oy,oz,dx,dy,dz\n0.99,-3,0.93,0,2,0\n0,-3,0,0,1,0\n").unwrap();
-    let output = bulbfold(Path::new("."), &["truth", "menger", "--rays-file", &path.display().to_string(), "--json"]);
+    let output = bulbfold(Path::new("."), ["truth", "menger", "--rays-file", &path.display().to_string(), "--json"]);
     let text = stdout(&output);
     let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).expect(line)).collect();
     assert!(lines[0]["t"].as_f64().is_some_and(|t| (t - 2.0).abs() < 0.01), "{text}");
     assert_eq!(lines[1]["truth"], "miss");
     std::fs::write(&path, "0,0,0,0,0,0\n").unwrap();
-    let output = bulbfold(Path::new("."), &["truth", "menger", "--rays-file", &path.display().to_string()]);
+    let output = bulbfold(Path::new("."), ["truth", "menger", "--rays-file", &path.display().to_string()]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("ray 1 has a direction of length 0"));
 }

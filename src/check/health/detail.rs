@@ -81,7 +81,7 @@ pub(super) fn check_iterations(subject: &Subject, size: Size, health: &mut Healt
             subject: "picture".to_string(),
             message: format!("the last {which} of {most} iterations change nothing that a pixel shows at {pixels}"),
             help: format!(
-                "a render leaves them out by itself; exported shaders are as good and faster with `max_iterations: {}`",
+                "a render leaves them out by itself; exported shaders are just as good and faster with `max_iterations: {}`",
                 most - unseen
             ),
             span: subject.graph.node(subject.graph.output).span,

@@ -36,7 +36,7 @@ pub(super) fn check_forms(subject: &Subject, health: &mut Health) -> Result<(), 
     for (orbit, choice) in field_orbits(&composer).iter().zip(&subject.plan.choices) {
         let node = subject.graph.node(orbit.node);
         let Some(exponent) = growth_exponent(&composer, orbit)? else {
-            let text = format!("{}; far out r goes up and down, which is no power", choice.form.name());
+            let text = format!("{}; far out r goes up and down, which fits no power", choice.form.name());
             health.measure(&node.name, "form", text);
             continue;
         };

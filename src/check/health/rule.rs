@@ -68,7 +68,7 @@ fn missing_texts(step: &Step) -> Option<Finding> {
         kind: Kind::Description,
         subject: step.name.clone(),
         message: format!("the description lacks {}", missing.join(", ")),
-        help: "nothing needs it; whoever gets the file will like to know what it does and where it comes from".into(),
+        help: "optional; it tells readers of the file what it does and where it comes from".into(),
         span: Span::new(step.text, 0, 0),
         point: None,
     })
@@ -229,7 +229,7 @@ impl Check<'_> {
         let bad = images.iter().position(|image| image.iter().any(|x| x.is_nan()));
         if let Some(i) = bad {
             let message = format!("`{}` gives NaN at z = {}", self.name, shown(&states[i]));
-            let help = "such points count as escaped, which leaves holes: guard divisions and roots with max()";
+            let help = "such points count as escaped and leave holes: guard divisions and roots with max()";
             let finding = self.found(Severity::Wrong, Kind::NotANumber, message, help, self.span("fn step"));
             health.findings.push(Finding { point: Some(states[i].clone()), ..finding });
         }
@@ -396,7 +396,7 @@ impl Check<'_> {
             images.iter().map(|image| image.iter().map(|x| x * x).sum::<f64>().sqrt()).collect()
         };
         let Some(exponent) = steady_exponent(radius) else {
-            health.measure(self.name, "growth", "goes up and down: no power tells of it");
+            health.measure(self.name, "growth", "goes up and down: no power fits");
             return;
         };
         let text = match exponent > POWER {

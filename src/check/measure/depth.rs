@@ -44,7 +44,7 @@ pub struct Depths {
 }
 
 impl Depths {
-    /// The largest zoom up to which a target's median error stays within [`GOOD`] footprints; nothing where the first one
+    /// The largest zoom up to which a target's median error stays within [`GOOD`] footprints; nothing if the first one
     /// exceeds it already.
     pub fn end_of(&self, target: Target) -> Option<f64> {
         let good = |errors: &&DepthErrors| {
@@ -56,7 +56,7 @@ impl Depths {
 }
 
 /// Marches towards a surface point of the view at zooms from 1 to 10^`decades`. Errors where nothing is hit, and those of
-/// back ends. `progress` is told the share that is done.
+/// back ends. `progress` receives the share that is done.
 pub fn measure(
     subject: &Subject,
     (view, truths): (&View, &Truths),

@@ -66,7 +66,7 @@ impl View {
     }
 }
 
-/// Finds the truth of a view's rays by brute force, in f64. `progress` is told the share that is done.
+/// Finds the truth of a view's rays by brute force, in f64. `progress` receives the share that is done.
 pub fn find_truths(subject: &Subject, view: &View, progress: &mut dyn FnMut(f64)) -> Result<Truths, String> {
     let mut told = |share: f64| {
         progress(share);
@@ -79,7 +79,7 @@ pub fn find_truths(subject: &Subject, view: &View, progress: &mut dyn FnMut(f64)
 /// One way of estimating distances.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Candidate {
-    /// Method of every orbit that it applies to; `None` where there is none to choose, as for primitives.
+    /// Method of every orbit that it applies to; `None` if there is none to choose, as for primitives.
     pub method: Option<Method>,
     /// Form of the estimate; `None` takes what the orbit's growth calls for.
     pub form: Option<DeForm>,
@@ -92,7 +92,7 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// What is asked of the composer.
+    /// The settings for the composer.
     pub fn settings(&self) -> EstimateSettings {
         EstimateSettings {
             method: self.method,

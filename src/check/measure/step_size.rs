@@ -40,7 +40,7 @@ pub struct StepCurve {
 }
 
 impl StepCurve {
-    /// The widest run of steps whose median error is at most [`USABLE`]; nothing where no step is.
+    /// The widest run of steps whose median error is at most [`USABLE`]; nothing if no step is.
     pub fn window(&self) -> Option<(f64, f64)> {
         let runs = self.errors.split(|e| e.median > USABLE).filter(|run| !run.is_empty());
         let longest = runs.max_by_key(|run| run.len())?;
@@ -60,7 +60,7 @@ pub struct StepSizes {
 }
 
 /// Compares the estimate of `delta` with the exact gradient's. Errors where the formula has no exact gradient or no hits, and
-/// those of back ends. `progress` is told the share that is done.
+/// those of back ends. `progress` receives the share that is done.
 pub fn measure(
     subject: &Subject,
     truths: &Truths,
@@ -90,7 +90,7 @@ pub fn measure(
     let (points, wanted): (Vec<[f64; 3]>, Vec<f64>) =
         (0..points.len()).filter(|&i| usable(i)).map(|i| (points[i], out[0][i])).unzip();
     if points.is_empty() {
-        return Err(format!("no sampled ray of {} has a hit to stand in front of", subject.graph.name));
+        return Err(format!("no sampled ray of {} has a hit", subject.graph.name));
     }
     let steps: Vec<f64> = (DECADES.0 * PER_DECADE..=DECADES.1 * PER_DECADE)
         .map(|k| 10f64.powf(f64::from(k) / f64::from(PER_DECADE)))

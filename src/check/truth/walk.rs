@@ -33,7 +33,7 @@ pub(super) struct Walker<'a> {
 /// One ray while it is walked.
 struct Path {
     ray: Ray,
-    /// Range of the ray's division, in steps of one pixel radius; empty where it misses the bounding sphere.
+    /// Range of the ray's division, in steps of one pixel radius; empty if it misses the bounding sphere.
     from: f64,
     to: f64,
     /// First known sample inside, and its depth after bisection.

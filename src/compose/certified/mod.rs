@@ -1,4 +1,4 @@
-//! Proofs in the place of estimates: orbits that carry a whole ball, or a segment of the ray, around the point.
+//! Proofs instead of estimates: orbits that carry a whole ball, or a segment of the ray, around the point.
 //!
 //! An orbit starts with a radius e0 that the march proposes. It carries the centre's orbit z and a factor l: the images
 //! of all points within s of the start, for any s up to e0, lie within l s of z. Where |z| - l s stays above the radius
@@ -289,7 +289,7 @@ impl<'a> Builder<'a> {
         last.lt(n).select(escape, further)
     }
 
-    /// 0 where the start point is short enough for the thresholds, which hold for constants of its length; else the escape
+    /// 0 if the start point is short enough for the thresholds, which hold for constants of its length; else the escape
     /// radius.
     fn floor(&self, maps: &[IterationMap], start: Moved<'a>, e0: Expr<'a>) -> Option<Expr<'a>> {
         if maps.iter().all(|m| m.constant.start_weight() == 0.0) || self.settings.escape != Escape::Length {
@@ -301,7 +301,7 @@ impl<'a> Builder<'a> {
         Some(reach.le(largest).select(arena.f(0.0), arena.f(self.settings.escape_radius)))
     }
 
-    /// With an end shape the ball is also empty where the image's distance from the shape is above its radius; below 0
+    /// With an end shape the ball is also empty if the image's distance from the shape is above its radius; below 0
     /// where the start point is in, as deep as is proven the same way. Without one it is what was proven by escaping.
     fn end_proof(
         &self,

@@ -98,7 +98,7 @@ impl<'g> Line<'g> {
 /// First of the inputs that stand for a rule's arguments while it is traced; functions have far fewer inputs.
 const PLACEHOLDERS: u16 = 60_000;
 
-/// The rule of a step node. It is traced with inputs of its own in the place of its arguments, so that identities do not
+/// The rule of a step node. It is traced with inputs of its own instead of its arguments, so that identities do not
 /// reach through them: what the argument was made of is not the step's business. The arguments are then put in.
 pub(super) fn step_rule<'a>(
     composer: &Composer<'a>,
@@ -230,7 +230,7 @@ impl<'a> Tracer<'a, '_> {
         Ok((traced.z, traced.dr))
     }
 
-    /// A rule of the step's file, at least 1 where the step leaves w alone.
+    /// A rule of the step's file, at least 1 if the step leaves w alone.
     fn number(&self, function: &str) -> Result<Option<Expr<'a>>, Diagnostic> {
         let number = self.traced_number(function, &[self.inputs.z, self.inputs.e])?;
         Ok(number.map(|number| self.with_w(number)))

@@ -83,7 +83,7 @@ const TRACER: &[&str] = &[
     "ShadowOnly",
 ];
 
-/// What the user says of a shader.
+/// The user's options for a shader.
 #[derive(Clone, Copy, Default, Debug)]
 pub struct Request<'a> {
     /// Name of the preset whose values are taken.
@@ -213,7 +213,7 @@ fn how_to_go_on(table: &Table, diagnostic: Diagnostic) -> Diagnostic {
     let known: Vec<String> = table.formulas.iter().map(|row| as_name(&row.name)).collect();
     diagnostic
         .help(format!("known formulas: {}", known.join(", ")))
-        .help("`--as NAME` takes the preset's values for one of them, whatever the code says")
+        .help("`--as NAME` takes the preset's values for one of them without reading the code")
         .help("to draw the shader's own formula, write it as a step: see docs/formulas.md")
 }
 
@@ -293,7 +293,7 @@ fn constant(row: &Row, shader: &Shader, d: &mut Diagnostics) -> String {
     }
 }
 
-/// The camera of the preset; none where it has no eye.
+/// The camera of the preset; none if it has no eye.
 fn camera(shader: &Shader, d: &mut Diagnostics) -> Option<Camera> {
     let fov = shader.number("FOV", 0.4, d);
     let position = shader.vector("Eye", [0.0, 0.0, -5.0], d);

@@ -7,7 +7,7 @@ use super::{Lost, LostKind};
 /// More separate stretches of levels than this would make rays crawl.
 const MOST_RUNS: usize = 12;
 
-/// The node of all shapes that the slots look up in their turns; none where no slot has one. `turns` says which slot runs at
+/// The node of all shapes that the slots look up in their turns; none if no slot has one. `turns` says which slot runs at
 /// each iteration, `of` is the map's wire, `fields` are what the orbits have in common.
 pub fn node(slots: &[&Slot], turns: &[usize], (of, fields): (&str, &str), lost: &mut Vec<Lost>) -> Option<String> {
     let mut nodes = Vec::new();
@@ -65,7 +65,7 @@ pub fn pre(slots: &[Slot], alone: bool, is_mirrored: bool, lost: &mut Vec<Lost>)
             maps.extend(slot.expanded.pre.iter().map(String::as_str));
         } else {
             let what = format!("{} (slot {})", slot.row.name, slot.number);
-            let why = "what it does to the start point is left out beside other formulas".to_string();
+            let why = "its change of the start point is left out beside other formulas".to_string();
             lost.push(Lost { kind: LostKind::Shape, what, why });
         }
     }

@@ -1,4 +1,4 @@
-//! What settings of Mandelbulber are about, where nothing here reads them: the shape, looks, or nobody knows.
+//! The subjects of Mandelbulber's settings that are not read: shape, looks, or unknown.
 
 use super::LostKind;
 

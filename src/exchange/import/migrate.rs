@@ -1,7 +1,7 @@
 //! Older and newer settings of Mandelbulber as this reader expects them: each change of a name or a unit by its version.
 //!
 //! The program states them in its own reader (`Compatibility` in settings.cpp): what follows are those that bear on shape, view
-//! and main light. `fov` and the light are told apart where they are read, see [`view`](super::view).
+//! and main light. `fov` and the light are distinguished where they are read, see [`view`](super::view).
 
 use super::settings::{Entry, Settings};
 use super::value::number;

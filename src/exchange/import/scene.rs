@@ -18,7 +18,7 @@ struct Common {
 }
 
 impl Common {
-    /// The settings of an orbit but for its iterations.
+    /// The settings of an orbit except its iterations.
     fn fields(&self, slot: &Slot, estimate: &str, radius: f64) -> String {
         let pre = self.pre.as_ref().map(|pre| format!(", {pre}")).unwrap_or_default();
         // A threshold is one of rays: it stands beside the output alone.

@@ -24,7 +24,7 @@ pub struct Entry {
     pub script: String,
     /// Place of the value.
     pub span: Span,
-    /// Why the line cannot be read; told where something asks for the setting.
+    /// Why the line cannot be read; reported if the setting is needed.
     pub broken: Option<Box<Diagnostic>>,
 }
 
@@ -53,9 +53,9 @@ pub struct Settings {
 /// A version of the program.
 #[derive(Clone, PartialEq, Debug)]
 pub struct Version {
-    /// As the file states it; empty where it does not.
+    /// As the file states it; empty if it does not.
     pub text: String,
-    /// As a number, such as 2.35; 0 where the file states none, as the program takes it.
+    /// As a number, such as 2.35; 0 if the file states none, as the program takes it.
     pub number: f64,
     /// Its place.
     pub span: Span,
@@ -169,7 +169,7 @@ impl Section {
         true
     }
 
-    /// Lines that nobody has asked for.
+    /// Lines that were not read.
     pub fn unasked(&self) -> impl Iterator<Item = &Entry> {
         self.entries.iter().filter(|entry| !self.asked.borrow().contains(&entry.name))
     }
@@ -198,7 +198,7 @@ fn is_settings(text: &str) -> bool {
 fn not_settings(text: &str, sources: &Sources, id: SourceId) -> Diagnostic {
     let start = sources.span_at(id, 1, 1);
     if text.starts_with("Mandelbulber 1.") {
-        return Diagnostic::error("these are settings of Mandelbulber 1, whose form is another one")
+        return Diagnostic::error("these are settings of Mandelbulber 1, which have another form")
             .label(start, "only files of version 2 can be read")
             .help("open them in Mandelbulber 2 and save them again");
     }

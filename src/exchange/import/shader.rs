@@ -16,7 +16,7 @@ pub struct Given {
     pub text: String,
     /// Place of the value.
     pub span: Span,
-    /// Why it cannot be read; told where something asks for it.
+    /// Why it cannot be read; reported if it is needed.
     pub broken: Option<Box<Diagnostic>>,
 }
 
@@ -27,7 +27,7 @@ pub struct Preset {
     pub name: String,
     /// Values.
     pub values: Vec<Given>,
-    /// Lines that cannot be read; told where the preset is chosen.
+    /// Lines that cannot be read; reported if the preset is chosen.
     pub broken: Vec<Diagnostic>,
 }
 
@@ -133,7 +133,7 @@ impl Shader {
         last(&self.chosen).map(|i| &self.chosen[i]).or_else(|| last(&self.uniforms).map(|i| &self.uniforms[i]))
     }
 
-    /// Values of the preset that nobody has asked for, and uniforms that are not in it.
+    /// Values of the preset that were not read, and uniforms that are not in it.
     pub fn unasked(&self) -> Vec<&Given> {
         let is_left = |given: &&Given| !self.asked.borrow().contains(&given.name);
         let in_preset = |given: &&Given| self.chosen.iter().any(|other| other.name == given.name);

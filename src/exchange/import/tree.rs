@@ -72,7 +72,7 @@ impl Node {
     }
 }
 
-/// The tree of a file; nothing where the file has none. Settings of the tree's objects are brought to the names that old files
+/// The tree of a file; nothing if the file has none. Settings of the tree's objects are brought to the names that old files
 /// have for them. Errors: each is pushed, with its place.
 pub fn read(settings: &mut Settings, d: &mut Diagnostics) -> Option<Node> {
     // The program takes older files without their trees, if a version in the making has written one.
@@ -95,7 +95,7 @@ pub fn read(settings: &mut Settings, d: &mut Diagnostics) -> Option<Node> {
     match nodes.len() {
         0 => {
             let message = "the tree of objects draws nothing";
-            d.push(Diagnostic::error(message).help("no `node_..._definition` stands at the top and holds a formula"));
+            d.push(Diagnostic::error(message).help("no `node_..._definition` at the top holds a formula"));
             None
         }
         1 => nodes.pop(),

@@ -112,7 +112,7 @@ impl<'a> Fields<'a> {
             .collect()
     }
 
-    /// Reports every field that nobody asked for, with the nearest legal name, or all of them.
+    /// Reports every field that was not read, with the nearest legal name, or all of them.
     pub fn finish(self, diagnostics: &mut Diagnostics) {
         let unknown = self.entries.iter().zip(&self.used).filter(|(_, used)| !**used);
         for (count, ((name, _), _)) in unknown.enumerate() {

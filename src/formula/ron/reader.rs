@@ -197,7 +197,7 @@ impl<'a> Reader<'a> {
             None => {
                 let diagnostic = Diagnostic::error("this is not one character in quotes")
                     .label(self.span(self.at, self.at + 1), "opened here")
-                    .help("strings stand in double quotes");
+                    .help("write strings in double quotes");
                 self.at += 1;
                 Err(self.report(diagnostic))
             }

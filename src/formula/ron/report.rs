@@ -36,7 +36,7 @@ pub(super) fn expected(reader: &Reader<'_>, expected: &str) -> Diagnostic {
     };
     match rest.chars().next() {
         Some('{') if reader.text[..reader.at].ends_with(scan::is_name_char) => {
-            diagnostic.help("fields stand in round brackets: `Name( ... )`")
+            diagnostic.help("write fields in round brackets: `Name( ... )`")
         }
         Some('=') => diagnostic.help("write `name: value`, with a colon"),
         Some(':') => diagnostic.help("write `name: value` for all items of the brackets or for none"),
@@ -77,7 +77,7 @@ pub(super) fn after_end(reader: &Reader<'_>, value: &Value) -> Diagnostic {
     let is_name = matches!(value.kind, ValueKind::Variant(_));
     diagnostic = match reader.rest().chars().next() {
         Some(':') if is_name => diagnostic.help("put the fields into brackets: `( name: value, ... )`"),
-        Some('{') if is_name => diagnostic.help("fields stand in round brackets: `Name( ... )`"),
+        Some('{') if is_name => diagnostic.help("write fields in round brackets: `Name( ... )`"),
         _ => diagnostic.help("a file holds one value"),
     };
     diagnostic

@@ -82,7 +82,7 @@ pub(super) fn read_char(text: &str) -> Option<Literal> {
         literal.len = len + 2;
         return Some(literal);
     }
-    let fault = "this is not one character; strings stand in double quotes";
+    let fault = "this is not one character; write strings in double quotes";
     let len = scan::char_len(text)?;
     literal.faults = vec![(0..len, fault)];
     literal.len = len;

@@ -1,4 +1,4 @@
-//! Names that a script uses and nobody defines: found in its syntax tree, all of them, before anything runs.
+//! Names that a script uses and does not define: found in its syntax tree, all of them, before anything runs.
 
 use std::collections::{HashMap, HashSet};
 
@@ -61,7 +61,7 @@ const ENTRIES: [(&str, usize, usize, usize); 10] = [
     ("chord", 5, 4, 2),
 ];
 
-/// Names that are told of one script.
+/// Most names that are reported for one script.
 const MOST: usize = 100;
 
 /// Words of the script language that are called like functions.

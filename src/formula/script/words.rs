@@ -114,7 +114,7 @@ pub(super) fn plain(error: &EvalAltResult) -> String {
         E::ErrorTerminated(value, _) => value.to_string(),
         E::ErrorTooManyOperations(_) => format!("the script runs more than {} operations", super::MAX_OPERATIONS),
         E::ErrorTooManyVariables(_) => format!("the script has more than {} variables at a time", super::MAX_VARIABLES),
-        E::ErrorStackOverflow(_) => "the script calls itself without end".into(),
+        E::ErrorStackOverflow(_) => "the script calls itself endlessly".into(),
         E::ErrorDataTooLarge(what, _) => {
             let (what, most) = match (what.contains("string"), what.contains("map")) {
                 (true, _) => ("text", super::MAX_TEXT),
@@ -184,11 +184,11 @@ pub(super) fn parse_message(kind: &ParseErrorType) -> String {
     use ParseErrorType as P;
     match kind {
         P::Reserved(word) => reserved(word),
-        P::VariableExpected => "a name of a variable must stand here".into(),
-        P::PropertyExpected => "a name of a field must stand here".into(),
+        P::VariableExpected => "expected the name of a variable".into(),
+        P::PropertyExpected => "expected the name of a field".into(),
         P::MissingToken(token, _) => format!("`{token}` is missing here"),
         P::ExprExpected(_) => "an expression must stand here".into(),
-        P::DuplicatedProperty(name) => format!("the field `{name}` stands there twice"),
+        P::DuplicatedProperty(name) => format!("the field `{name}` is there twice"),
         P::UnexpectedEOF => "the script ends too early: a bracket or a text is not closed".into(),
         P::LiteralTooLarge(..) => "a text or list of the script is too long".into(),
         P::ExprTooDeep => "the expression is nested too deep".into(),

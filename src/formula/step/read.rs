@@ -76,7 +76,7 @@ fn check_functions(ast: &AST, span: Span, has_rule: bool, d: &mut Diagnostics) {
         d.push(Diagnostic::error(message).label(span, "").help("keep the one that is meant"));
     }
     if !has_step && has_distance(ast) {
-        let message = "there is a `fn distance(z, p)`, but `distance` does not say what it is worth";
+        let message = "there is a `fn distance(z, p)`, but `distance` does not say whether it is exact";
         d.push(Diagnostic::error(message).label(span, "").help("`distance` is \"exact\" or \"bound\""));
     } else if !has_step {
         let message = "the file has no `fn step(z, c, p)`, nor `fn step(z, c, p, before)`";
@@ -86,7 +86,7 @@ fn check_functions(ast: &AST, span: Span, has_rule: bool, d: &mut Diagnostics) {
         let message = if has_rule {
             format!("`scalar_rule` is given, but there is no `fn {rule}`")
         } else {
-            format!("there is a `fn {rule}`, but `scalar_rule` does not say what it is worth")
+            format!("there is a `fn {rule}`, but `scalar_rule` does not say whether it is exact")
         };
         d.push(Diagnostic::error(message).label(span, "").help("`scalar_rule` is \"exact\" or \"heuristic\""));
     }
@@ -95,7 +95,9 @@ fn check_functions(ast: &AST, span: Span, has_rule: bool, d: &mut Diagnostics) {
         if let Some(found) = found.filter(|_| !has(name, arguments.split(", ").count())) {
             let message =
                 format!("a rule for proofs must be `fn {name}({arguments})`, but there is `fn {name}({found})`");
-            d.push(Diagnostic::error(message).label(span, "").help("correct its arguments, or rename what is no rule"));
+            d.push(
+                Diagnostic::error(message).label(span, "").help("correct its arguments, or rename it if it is no rule"),
+            );
         }
     }
 }

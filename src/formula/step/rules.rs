@@ -12,7 +12,7 @@ use crate::formula::symbolic::Symbol;
 
 impl Step {
     /// Traces one of the step's functions that return a number: `stretch` and `growth` of `(z, e, p)`, `bend` of
-    /// `(z, u, e, p)`, `tube` of `(z, u, e, w, p)` or `pull_back` of `(t, p)`. `None` where the file has none of this name. In a
+    /// `(z, u, e, p)`, `tube` of `(z, u, e, w, p)` or `pull_back` of `(t, p)`. `None` if the file has none of this name. In a
     /// four-component orbit a step of three components sees the first three.
     pub fn trace_number<'g>(
         &self,
@@ -29,7 +29,7 @@ impl Step {
         number.map(Some)
     }
 
-    /// Traces `chord` of `(z, v, l, e, p)`, which returns a list of a vector and a number. `None` where the file has none,
+    /// Traces `chord` of `(z, v, l, e, p)`, which returns a list of a vector and a number. `None` if the file has none,
     /// and of steps that leave a component of their argument alone.
     pub fn trace_chord<'g>(
         &self,

@@ -38,7 +38,7 @@ pub struct Gpu {
     trouble: Trouble,
     cache: pipelines::Cache,
     dispatches: Mutex<Dispatches>,
-    /// Commands that are handed over with the next ones that somebody waits for: handing over is dear, however few they are.
+    /// Commands that are submitted with the next ones that somebody waits for: a submission is expensive, however few they are.
     /// Locked after `turn`.
     pending: Mutex<Vec<wgpu::CommandBuffer>>,
     /// Held alone by the thread whose dispatch is being measured, and with others by those that hand over work.
@@ -68,7 +68,7 @@ pub struct GpuColumns {
     len: usize,
 }
 
-/// What went wrong outside any call: the first error, told once, or for ever when the device is lost.
+/// What went wrong outside any call: the first error, reported once, or always if the device is lost.
 #[derive(Clone, Default)]
 struct Trouble(Arc<Mutex<Option<BackendError>>>);
 
@@ -224,7 +224,7 @@ impl Gpu {
         Ok(result)
     }
 
-    /// Takes commands that nobody waits for.
+    /// Takes commands without waiting for them.
     fn add(&self, encoder: wgpu::CommandEncoder) {
         let commands = encoder.finish();
         self.pending.lock().unwrap_or_else(PoisonError::into_inner).push(commands);

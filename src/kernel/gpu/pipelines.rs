@@ -221,7 +221,7 @@ mod tests {
         }
     }
 
-    /// Whoever runs a kernel first waits for it, and nobody before.
+    /// The first run of a kernel waits for it.
     #[test]
     fn preparing_waits_for_no_compiler() {
         let Some(gpu) = gpu() else { return };

@@ -233,7 +233,7 @@ impl Gpu {
     }
 
     /// Marches until no ray runs or steps have run out: without waiting where that is short for certain, else in slices. Twin:
-    /// `run_march` in `kernel/cpu.rs`.
+    /// `run_march` in `kernel/cpu/march.rs`.
     fn run_march(
         &self,
         mut encoder: wgpu::CommandEncoder,
@@ -249,7 +249,7 @@ impl Gpu {
             Some(steps) => {
                 self.add_passes(&mut encoder, march, &buffers, n, steps);
                 if steps == march.most {
-                    // The dearest kernels: the device begins at once.
+                    // The most expensive kernels: the device begins at once.
                     self.hand_over(encoder);
                     return Ok(());
                 }
@@ -333,7 +333,7 @@ impl Gpu {
     }
 }
 
-/// Steps of the passes of a march that nobody waits for: most rays end in the first, and few are left for the last.
+/// Steps of the passes of a march without waits: most rays end in the first, and few are left for the last.
 const PASSES: [u32; 3] = [48, 192, u32::MAX];
 
 /// Bytes at the head of a list: how many rays go on, and the estimates that were counted.

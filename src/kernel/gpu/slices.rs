@@ -17,13 +17,13 @@ const TOO_LONG: Duration = Duration::from_millis(100);
 const MARGIN: f64 = 8.0;
 /// Least work of a dispatch: a few workgroups.
 const FEWEST: u32 = 256;
-/// Products of two numbers that any device takes in a second at least: what work is reckoned with before it is measured.
+/// Products of two numbers that any device takes in a second at least: the assumed throughput before it is measured.
 const LEAST_RATE: f64 = 1e9;
 /// Most work of a dispatch.
 const MOST: f64 = (1 << 26) as f64;
 /// How much more work than the largest dispatch so far one may get.
 const GROWTH: f64 = 8.0;
-/// What is left of a price when the next one is lower: dear parts of a picture come again.
+/// What is kept of a price when the next one is lower: expensive parts of a picture come again.
 const MEMORY: f64 = 0.8;
 /// Steps of a slice that most rays end within. Shorter ones cost more in lists than they save in waiting for the longest
 /// rays.
@@ -31,7 +31,7 @@ const STEPS: f64 = 64.0;
 /// Elements that a device takes at the same time: it is not cut into parts of fewer to get longer slices.
 const PARALLEL: f64 = 4096.0;
 
-/// Steps that rays of a picture do not go on average: with so many a march is reckoned that cannot be stopped.
+/// Steps that rays of a picture do not go on average: a march that cannot be stopped is assumed to take so many.
 const ASKED: u32 = 512;
 
 /// What has been learnt about a kernel; kept from call to call.
@@ -48,7 +48,7 @@ struct Learnt {
     has_run: bool,
     /// Most work that one dispatch has done.
     largest: f64,
-    /// Seconds for a unit of work, where it is dear; 0 before anything is known.
+    /// Seconds for a unit of work where it is expensive; 0 before anything is known.
     price: f64,
     /// Seconds that one step of a ray takes at most, however few rays there are; 0 before anything is known.
     step: f64,
@@ -97,7 +97,7 @@ impl Slices {
     }
 
     /// Steps that a march of so many rays, each of up to `most` steps, may go without being watched: it ends in time whatever
-    /// the rays are. `None` where that is not sure.
+    /// the rays are. `None` if that is not sure.
     pub(super) fn unwatched(&self, rays: u32, most: u32) -> Option<u32> {
         let learnt = self.learnt();
         let in_time = TOO_LONG.as_secs_f64();
@@ -151,7 +151,7 @@ impl Slices {
 mod tests {
     use super::*;
 
-    /// A kernel so dear that its first dispatch is as small as any.
+    /// A kernel so expensive that its first dispatch is as small as any.
     fn unknown() -> Slices {
         Slices::new(1e9, false)
     }
@@ -175,7 +175,7 @@ mod tests {
             let slices = unknown();
             let (longest, _) = simulate(&slices, 1 << 17, price);
             assert!(longest < TOO_LONG, "{price}: {longest:?}");
-            // A part of the picture where everything is eight times as dear; 256 elements are never cut.
+            // A part of the picture where everything is eight times as expensive; 256 elements are never cut.
             let (longest, _) = simulate(&slices, 1 << 14, price * 8.0);
             assert!(longest <= TOO_LONG || price > 4e-5, "{price}: {longest:?}");
         }

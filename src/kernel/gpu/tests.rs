@@ -14,7 +14,7 @@ use crate::math::Precision;
 use crate::render::{Pipeline, RenderSettings, Renderer, Role};
 use crate::shade::Size;
 
-/// A GPU, or `None` where there is none and none is required.
+/// A GPU, or `None` if there is none and none is required.
 pub(super) fn gpu() -> Option<Gpu> {
     match Gpu::new(AdapterWanted::Any) {
         Ok(gpu) => Some(gpu),
@@ -65,7 +65,7 @@ fn tolerance(operator: Operator) -> (f64, f64) {
     }
 }
 
-/// True where an operator's value is not comparable: beyond single precision, beyond what drivers promise, or at a jump.
+/// True if an operator's value is not comparable: beyond single precision, beyond what drivers promise, or at a jump.
 fn is_out_of_reach(operator: Operator, x: &[f64], expected: f64) -> bool {
     let overflows = expected.abs() > 3e38 || (expected != 0.0 && expected.abs() < 1.2e-38);
     overflows

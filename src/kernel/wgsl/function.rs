@@ -19,7 +19,7 @@ pub(super) type Helpers = BTreeSet<(String, u8)>;
 #[derive(Clone)]
 struct Text {
     text: String,
-    /// True where it can stand as an operand without parentheses.
+    /// True if it can stand as an operand without parentheses.
     is_atom: bool,
 }
 
@@ -136,7 +136,7 @@ impl<'a> Writer<'a> {
         let base = format!("{word}_{:04x}", (hash >> 16) & 0xffff);
         let mut name = base.clone();
         let mut copy = 1;
-        // Those that are equal as far as the name looks are told apart in order of evaluation.
+        // Nodes whose names would be equal are numbered in order of evaluation.
         while !self.names.insert(name.clone()) {
             copy += 1;
             name = format!("{base}_{copy}");

@@ -26,7 +26,7 @@ fn accepts(name: &str, arguments: &[&str], folder: &Path) {
 }
 
 fn exported(folder: &Path, fractal: &str, target: &str, file: &str) -> Vec<u8> {
-    let output = bulbfold(folder, &["export", fractal, "--to", target, "-o", file]);
+    let output = bulbfold(folder, ["export", fractal, "--to", target, "-o", file]);
     assert_eq!(output.status.code(), Some(0), "{fractal} {target}: {}", stderr(&output));
     std::fs::read(folder.join(file)).unwrap()
 }
@@ -88,11 +88,11 @@ fn exported_shaders_compile() {
 fn estimates_that_need_rays_are_refused() {
     let folder = folder();
     for method in ["directional", "certified"] {
-        let output = bulbfold(folder.path(), &["export", "mandelbulb", "--to", "wgsl", "--de", method]);
+        let output = bulbfold(folder.path(), ["export", "mandelbulb", "--to", "wgsl", "--de", method]);
         assert_eq!(output.status.code(), Some(2));
         assert!(stderr(&output).contains("needs the ray"), "{}", stderr(&output));
     }
-    let output = bulbfold(folder.path(), &["export", "mandelbulb", "--to", "spirv"]);
+    let output = bulbfold(folder.path(), ["export", "mandelbulb", "--to", "spirv"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("write `-o NAME.spv`"), "{}", stderr(&output));
 }
@@ -163,7 +163,7 @@ fn exported_glsl_computes_our_own_distances() {
         assert!(expected.iter().filter(|d| **d > 0.0).count() > 25, "{fractal}: a test of nothing");
         for target in ["glsl", "fragmentarium"] {
             let arguments = ["export", fractal, "--to", target, "--de", method, "--fudge", "1"];
-            let output = bulbfold(folder.path(), &arguments);
+            let output = bulbfold(folder.path(), arguments);
             assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
             let text = stdout(&output);
             let (functions, name) = match target {

@@ -12,7 +12,7 @@ fn exported_distances_are_our_own() {
     for (fractal, method) in [("mandelbulb", Method::Scalar), ("mandelbox", Method::Scalar), ("menger", Method::Scalar)]
     {
         let output =
-            bulbfold(folder.path(), &["export", fractal, "--to", "wgsl", "--de", method.name(), "--fudge", "1"]);
+            bulbfold(folder.path(), ["export", fractal, "--to", "wgsl", "--de", method.name(), "--fudge", "1"]);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         let formula = Formula::builtin(fractal).unwrap();
         let radius = formula.graph().bounding_radius.unwrap_or(1.2);

@@ -123,7 +123,7 @@ fn julia_constants_and_places_to_repeat_from_are_read() {
 fn binary_files_are_read() {
     let folder = folder();
     std::fs::write(folder.path().join("a.m3p"), record(&[BULB], &[])).unwrap();
-    let output = bulbfold(folder.path(), &["import", "a.m3p"]);
+    let output = bulbfold(folder.path(), ["import", "a.m3p"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     assert!(std::fs::read_to_string(folder.path().join("a.ron")).unwrap().contains("bulb_power(power: 8.0"));
 }

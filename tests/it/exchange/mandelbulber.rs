@@ -69,7 +69,7 @@ fn a_hybrid_takes_turns() {
     let tests = "tests: [Orbit(point: (0.25, 0.0, 0.0), iterations: 1, expect: [-1.25, 0.0, 0.0]), Orbit(point: (0.25, 0.0, 0.0), iterations: 2, expect: [6.2104644775390625, 0.0, 0.0])]\n)";
     text.truncate(text.rfind(')').unwrap());
     std::fs::write(folder.path().join("out.ron"), text + tests).unwrap();
-    let output = bulbfold(folder.path(), &["test", "out.ron"]);
+    let output = bulbfold(folder.path(), ["test", "out.ron"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
 }
 

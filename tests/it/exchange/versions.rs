@@ -162,7 +162,7 @@ fn unusual_files_are_read() {
     let scale = |bytes: &[u8]| {
         let folder = folder();
         std::fs::write(folder.path().join("a.fract"), bytes).unwrap();
-        let output = super::bulbfold(folder.path(), &["import", "a.fract"]);
+        let output = super::bulbfold(folder.path(), ["import", "a.fract"]);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         std::fs::read_to_string(folder.path().join("a.ron")).unwrap().contains("default: 2.5")
     };

@@ -269,7 +269,7 @@ pub fn all() -> Vec<System> {
             reach: 1.3,
         },
         System {
-            name: "Mandelbox and bulb by turns",
+            name: "Mandelbox and bulb, alternating",
             text: format!(
                 r#"(nodes: {{ {BOX}, "grow": scale(scale: -1.5), "box": Sequence(["fold", "ball", "grow"]),
                     "bulb": bulb_power(power: 8), "turns": Alternate(["box", "bulb"]) }}, output: "turns",

@@ -59,7 +59,7 @@ fn a_pipe_that_nobody_reads_is_refused() {
     make_pipe(&folder.path().join("pipe.png"));
     let output = render(folder.path(), "mandelbulb", "pipe.png");
     assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("a pipe that nobody reads"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("a pipe without a reader"), "{}", stderr(&output));
 }
 
 #[test]

@@ -25,7 +25,7 @@ impl Value {
             Value::Bool(truth) => Ok(f64::from(u8::from(*truth))),
             Value::Int(number) => Ok(*number as f64),
             Value::Float(number) => Ok(*number),
-            Value::Vector(_) | Value::Matrix(_) => Err("a vector stands where a number is needed".into()),
+            Value::Vector(_) | Value::Matrix(_) => Err("expected a number, found a vector".into()),
         }
     }
 
@@ -98,7 +98,7 @@ impl Value {
     pub fn into_kind(self, kind: &str) -> Result<Value, Failure> {
         match (kind, &self) {
             ("float" | "double", Value::Int(number)) => Ok(Value::Float(*number as f64)),
-            ("int" | "uint", Value::Float(_)) => Err("a number stands where a whole number is needed".into()),
+            ("int" | "uint", Value::Float(_)) => Err("expected a whole number".into()),
             _ => match (size_of(kind), &self) {
                 (Some((1, 1)), Value::Vector(_) | Value::Matrix(_)) => Err(format!("a vector is given to a `{kind}`")),
                 (Some((1, rows)), Value::Vector(parts)) if rows > 1 && parts.len() != rows => {

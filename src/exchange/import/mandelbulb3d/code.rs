@@ -31,7 +31,7 @@ pub struct Block<'t> {
     pub title: Option<&'t str>,
 }
 
-/// The first block of a text; nothing where it has none.
+/// The first block of a text; nothing if it has none.
 pub fn block(text: &str) -> Option<Block<'_>> {
     const NAME: &str = "Mandelbulb3Dv";
     let start = text.find(NAME)?;

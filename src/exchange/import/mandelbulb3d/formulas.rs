@@ -36,7 +36,7 @@ const OWN: &[(i32, &str)] = &[
 pub const KNOWN: &str = "Integer Power, Real Power, Tricorn, Amazing Box, Folding Int Pow";
 
 impl Formula {
-    /// The formula at a place of the hybrid; nothing where none runs there.
+    /// The formula at a place of the hybrid; nothing if none runs there.
     pub fn read(record: &Record, index: usize) -> Option<Formula> {
         let at = HEADER + 8 + index * FORMULA;
         let (iterations, number) = (record.whole(at), record.whole(at + 4));
@@ -51,7 +51,7 @@ impl Formula {
     }
 
     /// Steps of an iteration before the constant is added, the escape radius that the program starts with, and what is not the
-    /// same; nothing where there is no counterpart.
+    /// same; nothing if there is no counterpart.
     pub fn steps(&self) -> Option<(Vec<String>, Option<String>)> {
         let option = |i: usize, default: f64| self.options.get(i).copied().filter(|v| v.is_finite()).unwrap_or(default);
         let bulb = |power: f64| {

@@ -119,7 +119,7 @@ impl Reading<'_> {
         if self.record.0.len() < HEADER || !is_sized || !(1..=99).contains(&version) {
             let message = "these are no parameters of Mandelbulb3D that can be read";
             let help = "copy them as text in Mandelbulb3D and save that: `Mandelbulb3Dv18{` ... `}`";
-            return self.fail(message, "no version and picture size stand where they should", help);
+            return self.fail(message, "version and picture size are missing at their place", help);
         }
         if version < 20 {
             let message = format!("these parameters of Mandelbulb3D have a record of version {version}, before 20");
@@ -197,7 +197,7 @@ impl Reading<'_> {
         if kind != 0 {
             let what = if kind == 1 { "an interpolation of two formulas" } else { "a combination of two distances" };
             let message = format!("Mandelbulb3D's hybrid is {what}, which is not imported");
-            let help = "hybrids whose formulas take turns are; set the hybrid's mode to alternate, or write Blend or Union by hand";
+            let help = "alternating hybrids are; set the hybrid's mode to alternate, or write Blend or Union by hand";
             return self.fail(message, "of these parameters", help);
         }
         let formulas: Vec<Formula> = (0..FORMULAS).filter_map(|i| Formula::read(&self.record, i)).collect();

@@ -137,7 +137,7 @@ fn placed(word: &str, factors: Map) -> String {
     format!("add_constant(matrix: [{}])", rows.join(", "))
 }
 
-/// A power of `factor` by the number of the iteration, counted from `start`. Negative factors change their sign by turns, which
+/// A power of `factor` by the number of the iteration, counted from `start`. Negative factors alternate in sign, which
 /// a cosine does as well.
 fn power(factor: f64, start: u32) -> String {
     let n = if start == 0 { "n".to_string() } else { format!("(n + {})", written(f64::from(start))) };

@@ -45,7 +45,7 @@ fn waits(orbit: &OrbitTapes) -> bool {
 /// How the operations of the vectors in step follow each other.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Order {
-    /// By turns an operation of each: for code that is run once, where no vector has a head start.
+    /// Alternates operations of each: for code that is run once, where no vector has a head start.
     ByTurns,
     /// Vector by vector, which needs the fewest registers: for loops, whose iterations overlap by themselves.
     OneByOne,

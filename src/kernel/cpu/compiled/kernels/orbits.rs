@@ -180,7 +180,7 @@ impl Builder {
         self.assembler.place(next);
     }
 
-    /// Counts an iteration: for tapes that read its number, and where all lanes take it in the place of the first copy's count.
+    /// Counts an iteration: for tapes that read its number, and where all lanes take it instead of the first copy's count.
     fn count(&mut self, places: &Places, lanes: Lanes) {
         let next = |recorder: &Recorder, place| vec![store(recorder.read(place) + Traced::splat(recorder, 1.0), place)];
         if places.numbered {
@@ -221,7 +221,7 @@ impl Builder {
         labels
     }
 
-    /// The iterations that the schedule takes by turns.
+    /// The iterations that the schedule alternates.
     fn items(&self, orbit: &OrbitTapes, places: &Places, lanes: Lanes) -> Vec<Segment> {
         orbit.set.tapes[orbit.items..].iter().map(|item| self.item(orbit, item, places, lanes)).collect()
     }
