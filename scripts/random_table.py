@@ -44,11 +44,12 @@ def judged(program, path, size, rays, settings, limit):
     return json.loads(out.strip().splitlines()[-1])["summary"] if out else None
 
 
-def flags(method, form, fudge, least_step):
+def flags(method, form, fudge, least_step, most_step=None):
     given = ["--fudge", repr(fudge)]
     given += ["--de", method] if method else []
     given += ["--form", form] if form else []
     given += ["--least-step", repr(least_step)] if least_step else []
+    given += ["--most-step", repr(most_step)] if most_step else []
     return given
 
 
@@ -77,8 +78,8 @@ def measure(program, path, arguments, folder):
         row["empty"] = True
         return row
     choice = chosen[0]
-    row["choice"] = f'{choice["method"]} {choice["fudge"]:g}'
-    settings = flags(choice["method"], choice["form"], choice["fudge"], choice["least_step"])
+    row["choice"] = f'{choice["method"]} {choice["fudge"]:g}' + (f' in {choice["most_step"]:g}' if choice["most_step"] else "")
+    settings = flags(choice["method"], choice["form"], choice["fudge"], choice["least_step"], choice["most_step"])
     summary = judged(program, path, arguments.size, arguments.rays, settings, arguments.limit)
     if summary is None:
         row["failed"] = "truth"

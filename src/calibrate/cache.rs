@@ -147,6 +147,7 @@ fn candidate_json(candidate: &Candidate) -> Value {
     json!({
         "method": candidate.method.map(Method::name), "form": candidate.form.map(DeForm::name),
         "fudge": candidate.fudge, "least_step": candidate.least_step,
+        "most_step": candidate.most_step,
     })
 }
 
@@ -178,7 +179,11 @@ fn candidate(value: &Value) -> Option<Candidate> {
     let form = word("form").map(|name| DeForm::ALL.into_iter().find(|f| f.name() == name));
     // A name that nobody knows spoils the entry; no name is a choice of its own.
     let (method, form) = (method.map_or(Some(None), |m| m.map(Some))?, form.map_or(Some(None), |f| f.map(Some))?);
-    Some(Candidate { method, form, fudge: share("fudge")?, least_step: share("least_step")? })
+    let most_step = match &value["most_step"] {
+        Value::Null => None,
+        longest => Some(longest.as_f64().filter(|x| *x > 0.0)?),
+    };
+    Some(Candidate { method, form, fudge: share("fudge")?, least_step: share("least_step")?, most_step })
 }
 
 fn row(value: &Value) -> Option<Row> {

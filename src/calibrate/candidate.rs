@@ -10,6 +10,9 @@ pub const FUDGES: [f64; 8] = [1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05];
 pub const LEAST_STEPS: [f64; 5] =
     [LEAST_STEP, LEAST_STEP / 4.0, LEAST_STEP / 16.0, LEAST_STEP / 64.0, LEAST_STEP / 256.0];
 
+/// Longest steps in hit thresholds, from the cheapest, besides no limit at all.
+pub const MOST_STEPS: [f64; 4] = [16.0, 4.0, 1.0, 0.25];
+
 /// One way of estimating distances and stepping by them.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Candidate {
@@ -21,6 +24,8 @@ pub struct Candidate {
     pub fudge: f64,
     /// Shortest step as a share of the hit threshold.
     pub least_step: f64,
+    /// Longest step in hit thresholds; `None` is as long as the estimate.
+    pub most_step: Option<f64>,
 }
 
 impl Candidate {
@@ -31,6 +36,7 @@ impl Candidate {
             form: self.form,
             fudge: Some(self.fudge),
             least_step: Some(self.least_step),
+            most_step: self.most_step,
             ..EstimateSettings::default()
         }
     }
@@ -55,6 +61,8 @@ pub struct Space {
     pub fudges: Vec<f64>,
     /// Shortest steps, falling.
     pub least_steps: Vec<f64>,
+    /// Longest steps in hit thresholds, falling; empty where that is fixed.
+    pub most_steps: Vec<f64>,
     /// Whether proofs are asked for, at any price.
     pub wants_proof: bool,
     /// What to tell where they are and no proof applies.
@@ -99,7 +107,8 @@ impl Space {
             true => LEAST_STEPS.to_vec(),
             false => vec![base.least_step],
         };
-        Space { base, orbits, fixed, kinds, fudges, least_steps, wants_proof, unproven }
+        let most_steps = if is_free(|e| e.most_step.is_some()) { MOST_STEPS.to_vec() } else { Vec::new() };
+        Space { base, orbits, fixed, kinds, fudges, least_steps, most_steps, wants_proof, unproven }
     }
 
     /// True where nothing is left to choose.
@@ -113,6 +122,11 @@ impl Space {
         let is_proof = method.is_some_and(Method::is_certified);
         let safe = self.least_steps.iter().find(|step| !is_proof || **step <= LEAST_STEP_OF_PROOFS);
         *safe.unwrap_or(&self.least_steps[0])
+    }
+
+    /// The longest step of candidates that are tried first: none, unless one is fixed.
+    pub fn first_most_step(&self) -> Option<f64> {
+        Some(self.base.most_step).filter(|step| step.is_finite())
     }
 
     /// The plan of a candidate.
@@ -139,6 +153,7 @@ impl Space {
         }
         plan.fudge = candidate.fudge;
         plan.least_step = candidate.least_step;
+        plan.most_step = candidate.most_step.unwrap_or(f64::INFINITY);
         plan
     }
 
@@ -147,7 +162,8 @@ impl Space {
         let method = self.base.choices.first().map(|c| c.method);
         let known = self.kinds.iter().any(|(m, _)| *m == method);
         let method = if known { method } else { self.kinds[0].0 };
-        Candidate { method, form: None, fudge: self.base.fudge, least_step: self.base.least_step }
+        let (fudge, least_step) = (self.base.fudge, self.base.least_step);
+        Candidate { method, form: None, fudge, least_step, most_step: self.first_most_step() }
     }
 
     /// The two most careful candidates among the methods that are cheap enough to march thousands of rays with: proofs
@@ -162,10 +178,11 @@ impl Space {
         let least_step = self.least_steps[self.least_steps.len().min(2) - 1];
         let with = |method: Option<Method>| {
             let is_proof = method.is_some_and(Method::is_certified);
-            match is_proof {
-                true => Candidate { method, form: None, fudge: self.fudges[0], least_step: self.longest_step(method) },
-                false => Candidate { method, form: None, fudge: self.fudges[self.fudges.len().min(5) - 1], least_step },
-            }
+            let (fudge, least_step) = match is_proof {
+                true => (self.fudges[0], self.longest_step(method)),
+                false => (self.fudges[self.fudges.len().min(5) - 1], least_step),
+            };
+            Candidate { method, form: None, fudge, least_step, most_step: self.first_most_step() }
         };
         methods.into_iter().take(2).map(with).collect()
     }

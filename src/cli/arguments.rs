@@ -5,7 +5,9 @@ use std::path::Path;
 use std::path::PathBuf;
 
 use bulbfold::calibrate::Budget;
-use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, PRESET, Quality, StopAt};
+use bulbfold::graph::{
+    DeForm, Difference, DifferenceStep, EstimateSettings, MOST_STEPS, Method, PRESET, Quality, StopAt,
+};
 use bulbfold::kernel::cpu::Precision;
 use bulbfold::march::{MIN_DIFFERENCE_F32, MIN_DIFFERENCE_F64};
 use bulbfold::shade::Size;
@@ -155,6 +157,9 @@ pub struct EstimateArgs {
     /// Shortest step of a ray as a share of the hit threshold, above 0 and at most 1 [default: 0.25]
     #[arg(long, value_name = "S", value_parser = parse_fudge)]
     pub least_step: Option<f64>,
+    /// Longest step of a ray in hit thresholds, from 0.01 to 1e6: for estimates that are too long [default: none]
+    #[arg(long, value_name = "S", value_parser = parse_most_step)]
+    pub most_step: Option<f64>,
     /// Stop where the estimate is below so many pixels, or world units (0.01u), as other programs do, and not at the set
     /// itself: faster, softer and in front of it. Nothing is calibrated then, and proofs take no notice
     #[arg(long, value_name = "PIXELS|UNITSu", value_parser = StopAt::parse)]
@@ -236,10 +241,17 @@ impl EstimateArgs {
             difference: self.difference,
             step: self.difference_step,
             least_step: self.least_step,
+            most_step: self.most_step,
             stop_at: self.stop_at,
             ..EstimateSettings::default()
         }
     }
+}
+
+fn parse_most_step(text: &str) -> Result<f64, String> {
+    let [least, most] = MOST_STEPS;
+    let step = text.trim().parse::<f64>().ok().filter(|step| (least..=most).contains(step));
+    step.ok_or_else(|| format!("it must be a number from {least} to {most}"))
 }
 
 fn parse_difference(text: &str) -> Result<Difference, String> {

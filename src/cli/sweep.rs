@@ -279,7 +279,8 @@ fn estimates(
         return Ok(Estimates::Own);
     }
     let least = |of: fn(&EstimateSettings) -> Option<f64>| chosen.iter().filter_map(of).reduce(f64::min);
-    let shared = EstimateSettings { fudge: least(|s| s.fudge), least_step: least(|s| s.least_step), ..first };
+    let [fudge, least_step, most_step] = [least(|s| s.fudge), least(|s| s.least_step), least(|s| s.most_step)];
+    let shared = EstimateSettings { fudge, least_step, most_step, ..first };
     Ok(Estimates::Shared(shared.or(settings.estimate)))
 }
 
@@ -440,6 +441,7 @@ mod tests {
             members: 0.0,
             fudge,
             least_step: 1.0,
+            most_step: f64::INFINITY,
             stop_at: None,
             difference_step,
             warnings,

@@ -88,6 +88,8 @@ pub struct Plan {
     pub fudge: f64,
     /// Shortest step of a march, as a share of the hit threshold: the least that is asked for.
     pub least_step: f64,
+    /// Longest step of a march in hit thresholds: the least that is asked for, or infinity.
+    pub most_step: f64,
     /// Estimate below which a ray stops: the nearest to the set that is asked for. `None` stops at members alone.
     pub stop_at: Option<StopAt>,
     /// Step of finite differences: the first that an orbit asks for.
@@ -171,10 +173,24 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     let difference_step = steps.into_iter().next().unwrap_or_default();
     let shares = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).least_step);
     let least_step = shares.chain(wanted.least_step).reduce(f64::min);
+    let longest = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).most_step);
+    let most_step = longest.chain(wanted.most_step).fold(f64::INFINITY, f64::min);
     let certified = choices.iter().any(|choice| choice.method.is_certified());
     let least_step = least_step.unwrap_or(if certified { LEAST_STEP_OF_PROOFS } else { LEAST_STEP });
     let stop_at = if certified { None } else { choose_stop(composer, wanted, (&orbits, &mut choices), &mut warnings)? };
-    Ok(Plan { choices, bounding_radius, reach, members, fudge, least_step, stop_at, difference_step, warnings })
+    let plan = Plan {
+        choices,
+        bounding_radius,
+        reach,
+        members,
+        fudge,
+        least_step,
+        most_step,
+        stop_at,
+        difference_step,
+        warnings,
+    };
+    Ok(plan)
 }
 
 /// Measures what a choice says of the set: its extent, and what may be trusted.

@@ -37,6 +37,8 @@ pub struct MarchSettings {
     pub max_march_steps: u32,
     /// Shortest step as a share of the hit threshold: what is thinner along a ray may be stepped over.
     pub least_step: f64,
+    /// Longest step in hit thresholds, or infinity: an estimate that is too long passes no more than that.
+    pub most_step: f64,
     /// Least step of finite differences, as a share of the larger of 1 and the point's coordinates: below it the
     /// precision has no digits left.
     pub min_difference: f64,
@@ -54,8 +56,8 @@ pub struct MarchSettings {
 /// Estimates after which a ray of estimates is unfinished.
 const MAX_STEPS: u32 = 1000;
 /// The same where estimates are proofs: a ray walks as long as it must through what can't be proven. Beside the axis of an
-/// asin bulb of power 2 that takes thousands of steps.
-const MAX_STEPS_OF_PROOFS: u32 = 20_000;
+/// asin bulb of power 2 that takes thousands of steps. And where no step may be long.
+const MAX_LONG_STEPS: u32 = 20_000;
 /// [`MarchSettings::min_difference`] for single precision.
 pub const MIN_DIFFERENCE_F32: f64 = 1e-5;
 /// [`MarchSettings::min_difference`] for double precision.
@@ -69,6 +71,7 @@ impl Default for MarchSettings {
             hit_eps: 0.0,
             max_march_steps: MAX_STEPS,
             least_step: LEAST_STEP,
+            most_step: f64::INFINITY,
             min_difference: MIN_DIFFERENCE_F32,
             certified: false,
             difference_step: DifferenceStep::default(),
@@ -95,9 +98,10 @@ impl MarchSettings {
             },
             stops_at_threshold: plan.stop_at.is_some(),
             least_step: plan.least_step,
+            most_step: plan.most_step,
             min_difference,
             certified: plan.is_certified(),
-            max_march_steps: if plan.is_certified() { MAX_STEPS_OF_PROOFS } else { MAX_STEPS },
+            max_march_steps: if plan.is_certified() || plan.most_step.is_finite() { MAX_LONG_STEPS } else { MAX_STEPS },
             difference_step: plan.difference_step,
             relaxation: relaxed::of_plan(plan),
         }
@@ -127,6 +131,10 @@ fn ports() -> Vec<Port> {
     ports
 }
 
+/// Share of a ray's far end up to which its longest steps do not shrink with the distance: beside the camera they would be
+/// countless.
+const NEAREST: f64 = 1.0 / 64.0;
+
 impl<'g> Inputs<'g> {
     fn new(arena: &'g Arena) -> Inputs<'g> {
         let all: Vec<Expr> = ports().iter().enumerate().map(|(i, port)| arena.input(i as u16, port.ty)).collect();
@@ -142,6 +150,12 @@ impl<'g> Inputs<'g> {
             last_de: all[8],
             status: all[9],
         }
+    }
+
+    /// The longest step at `t`, where there is one.
+    fn longest_step(&self, settings: &MarchSettings) -> Option<Expr<'g>> {
+        let eps = || self.t.max(self.t_far * NEAREST) * settings.pixel_radius + settings.hit_eps;
+        settings.most_step.is_finite().then(|| eps() * settings.most_step.max(settings.least_step))
     }
 
     fn hit_eps(&self, settings: &MarchSettings) -> Expr<'g> {
@@ -223,10 +237,13 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     // t = 0, would stand still: then the least step that any precision has is taken.
     let usable = zero.le(de).select(de, zero);
     let walk = hit_eps * settings.least_step;
-    let wanted = ray.t + (usable * settings.fudge).max(walk);
+    let longest = ray.longest_step(settings);
+    let step = (usable * settings.fudge).max(walk);
+    let wanted = ray.t + longest.map_or(step, |longest| step.min(longest));
     let forward = wanted.le(ray.t).select(ray.t + least_gap(&ray, settings), wanted);
     let relaxed = Relaxed::new(&ray, settings, walk, usable);
     let farther = relaxed.as_ref().map_or(forward, |relaxed| relaxed.farther(&ray, forward));
+    let farther = longest.map_or(farther, |longest| farther.min((ray.t + longest).max(forward)));
     // Bisecting: to the middle, until the ends are near each other. A ray that starts inside hits there.
     let width = t_inside - t_outside;
     let middle = t_outside + width * 0.5;
