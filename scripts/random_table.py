@@ -44,12 +44,13 @@ def judged(program, path, size, rays, settings, limit):
     return json.loads(out.strip().splitlines()[-1])["summary"] if out else None
 
 
-def flags(method, form, fudge, least_step, most_step=None):
+def flags(method, form, fudge, least_step, most_step=None, late_ends=False):
     given = ["--fudge", repr(fudge)]
     given += ["--de", method] if method else []
     given += ["--form", form] if form else []
     given += ["--least-step", repr(least_step)] if least_step else []
     given += ["--most-step", repr(most_step)] if most_step else []
+    given += ["--late-ends"] if late_ends else []
     return given
 
 
@@ -79,7 +80,8 @@ def measure(program, path, arguments, folder):
         return row
     choice = chosen[0]
     row["choice"] = f'{choice["method"]} {choice["fudge"]:g}' + (f' in {choice["most_step"]:g}' if choice["most_step"] else "")
-    settings = flags(choice["method"], choice["form"], choice["fudge"], choice["least_step"], choice["most_step"])
+    settings = flags(choice["method"], choice["form"], choice["fudge"], choice["least_step"],
+                     choice["most_step"], choice["late_ends"])
     summary = judged(program, path, arguments.size, arguments.rays, settings, arguments.limit)
     if summary is None:
         row["failed"] = "truth"

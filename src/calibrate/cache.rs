@@ -147,7 +147,7 @@ fn candidate_json(candidate: &Candidate) -> Value {
     json!({
         "method": candidate.method.map(Method::name), "form": candidate.form.map(DeForm::name),
         "fudge": candidate.fudge, "least_step": candidate.least_step,
-        "most_step": candidate.most_step,
+        "most_step": candidate.most_step, "late_ends": candidate.late_ends,
     })
 }
 
@@ -183,7 +183,8 @@ fn candidate(value: &Value) -> Option<Candidate> {
         Value::Null => None,
         longest => Some(longest.as_f64().filter(|x| *x > 0.0)?),
     };
-    Some(Candidate { method, form, fudge: share("fudge")?, least_step: share("least_step")?, most_step })
+    let late_ends = value["late_ends"].as_bool()?;
+    Some(Candidate { method, form, fudge: share("fudge")?, least_step: share("least_step")?, most_step, late_ends })
 }
 
 fn row(value: &Value) -> Option<Row> {

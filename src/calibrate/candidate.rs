@@ -26,6 +26,8 @@ pub struct Candidate {
     pub least_step: f64,
     /// Longest step in hit thresholds; `None` is as long as the estimate.
     pub most_step: Option<f64>,
+    /// Whether orbits run on until they escape.
+    pub late_ends: bool,
 }
 
 impl Candidate {
@@ -37,6 +39,7 @@ impl Candidate {
             fudge: Some(self.fudge),
             least_step: Some(self.least_step),
             most_step: self.most_step,
+            late_ends: self.late_ends.then_some(true),
             ..EstimateSettings::default()
         }
     }
@@ -44,7 +47,8 @@ impl Candidate {
     /// Method and form in words.
     pub fn name(&self) -> String {
         let method = self.method.unwrap_or(Method::Own).name();
-        self.form.map_or(method.to_string(), |form| format!("{method} {}", form.name()))
+        let late = if self.late_ends { " late" } else { "" };
+        self.form.map_or(format!("{method}{late}"), |form| format!("{method} {}{late}", form.name()))
     }
 }
 
@@ -151,6 +155,9 @@ impl Space {
             choice.form = form;
             choice.fudge = candidate.fudge;
         }
+        if candidate.late_ends {
+            plan = plan.with_late_ends();
+        }
         plan.fudge = candidate.fudge;
         plan.least_step = candidate.least_step;
         plan.most_step = candidate.most_step.unwrap_or(f64::INFINITY);
@@ -163,7 +170,7 @@ impl Space {
         let known = self.kinds.iter().any(|(m, _)| *m == method);
         let method = if known { method } else { self.kinds[0].0 };
         let (fudge, least_step) = (self.base.fudge, self.base.least_step);
-        Candidate { method, form: None, fudge, least_step, most_step: self.first_most_step() }
+        Candidate { method, form: None, fudge, least_step, most_step: self.first_most_step(), late_ends: false }
     }
 
     /// The two most careful candidates among the methods that are cheap enough to march thousands of rays with: proofs
@@ -182,7 +189,7 @@ impl Space {
                 true => (self.fudges[0], self.longest_step(method)),
                 false => (self.fudges[self.fudges.len().min(5) - 1], least_step),
             };
-            Candidate { method, form: None, fudge, least_step, most_step: self.first_most_step() }
+            Candidate { method, form: None, fudge, least_step, most_step: self.first_most_step(), late_ends: false }
         };
         methods.into_iter().take(2).map(with).collect()
     }

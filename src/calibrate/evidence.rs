@@ -91,7 +91,7 @@ pub(super) enum Standing {
 }
 
 /// Logarithms of the factors of the price that missing the whole budget counts for, and stopping early by all of it.
-const RISK_OF_MISSED: f64 = 1.6;
+const RISK_OF_MISSED: f64 = 3.0;
 const RISK_OF_EARLY: f64 = 0.6;
 /// Share of the missed hits (and of the early stops) of a budget that a safe choice comes to.
 const SAFE_MISSED: f64 = 0.25;
@@ -182,9 +182,13 @@ impl Tally {
             true => self.missed_truth.share() / budget.missed.max(1e-9),
             false => 0.0,
         };
+        // One miss of few hits is chance.
+        let fresh =
+            self.fresh.filter(|fresh| fresh.seen > 1).map_or(0.0, |fresh| fresh.share() / budget.missed.max(1e-9));
         let checks = [
             (missed, "misses too much"),
             (truth, "misses what brute force finds"),
+            (fresh, "misses too much of other rays"),
             (self.early.share() / budget.early.max(1e-9), "stops too early"),
             (self.error / budget.error.max(1e-9), "depths are off"),
         ];

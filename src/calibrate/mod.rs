@@ -50,14 +50,14 @@ use race::Race;
 
 /// Rays of the truth that are taken even where they cost more than they may, most rays, and hits that are enough.
 const FIRST_RAYS: usize = 24;
-const MOST_TRUTHS: usize = 4000;
-const ENOUGH_HITS: usize = 800;
+const MOST_TRUTHS: usize = 6000;
+const ENOUGH_HITS: usize = 1200;
 /// Share of all work that the truth may take; the candidates take the rest.
 const SHARE_OF_TRUTH: f64 = 0.4;
 /// The same of the truth of other rays, by which the choice is confirmed; hits that are enough for it; and choices that are tried.
 const SHARE_OF_FRESH: f64 = 0.3;
-const FRESH_HITS: usize = 800;
-const CONFIRMED: usize = 6;
+const FRESH_HITS: usize = 1500;
+const CONFIRMED: usize = 8;
 /// Most rays that candidates march, those with a truth included.
 const MOST_RAYS: usize = 24_000;
 /// Estimates a ray from which on a choice is expensive.

@@ -189,7 +189,7 @@ impl<'a> Race<'a> {
         let most_step = self.space.first_most_step();
         for (method, form) in self.space.kinds.clone() {
             let least_step = self.space.longest_step(method);
-            let candidate = Candidate { method, form, fudge, least_step, most_step };
+            let candidate = Candidate { method, form, fudge, least_step, most_step, late_ends: false };
             let plan = self.space.plan(&candidate);
             let work = self.marching.work(&self.marching.compose(&plan)?);
             let Pilot { estimates, iterations, .. } = self.pilot;

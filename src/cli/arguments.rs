@@ -160,6 +160,9 @@ pub struct EstimateArgs {
     /// Longest step of a ray in hit thresholds, from 0.01 to 1e6: for estimates that are too long [default: none]
     #[arg(long, value_name = "S", value_parser = parse_most_step)]
     pub most_step: Option<f64>,
+    /// Let orbits run on until they escape, even where a pixel shows nothing of what they would still do
+    #[arg(long)]
+    pub late_ends: bool,
     /// Stop where the estimate is below so many pixels, or world units (0.01u), as other programs do, and not at the set
     /// itself: faster, softer and in front of it. Nothing is calibrated then, and proofs take no notice
     #[arg(long, value_name = "PIXELS|UNITSu", value_parser = StopAt::parse)]
@@ -242,6 +245,7 @@ impl EstimateArgs {
             step: self.difference_step,
             least_step: self.least_step,
             most_step: self.most_step,
+            late_ends: self.late_ends.then_some(true),
             stop_at: self.stop_at,
             ..EstimateSettings::default()
         }

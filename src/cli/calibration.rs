@@ -191,6 +191,7 @@ pub fn pasted(calibration: &Calibration) -> Option<String> {
     parts.extend(chosen.form.map(|form| format!("form: \"{}\"", form.name())));
     parts.extend(chosen.fudge.map(|fudge| format!("fudge: {fudge}")));
     parts.extend(chosen.least_step.map(|share| format!("least_step: {share}")));
+    parts.extend(chosen.late_ends.map(|late| format!("late_ends: {late}")));
     parts.extend(chosen.most_step.map(|longest| format!("most_step: {longest}")));
     (!parts.is_empty())
         .then(|| format!("estimate: ({}, calibrated: {}),", parts.join(", "), calibrated(calibration.rows)))

@@ -280,7 +280,8 @@ fn estimates(
     }
     let least = |of: fn(&EstimateSettings) -> Option<f64>| chosen.iter().filter_map(of).reduce(f64::min);
     let [fudge, least_step, most_step] = [least(|s| s.fudge), least(|s| s.least_step), least(|s| s.most_step)];
-    let shared = EstimateSettings { fudge, least_step, most_step, ..first };
+    let late_ends = chosen.iter().any(|s| s.late_ends == Some(true)).then_some(true);
+    let shared = EstimateSettings { fudge, least_step, most_step, late_ends, ..first };
     Ok(Estimates::Shared(shared.or(settings.estimate)))
 }
 

@@ -151,9 +151,10 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     }
     let mut radii = Vec::new();
     for (orbit, choice) in orbits.iter().zip(&mut choices) {
-        measure_set(composer, orbit, choice)?;
+        let settings = wanted.or(orbit.settings.estimate);
+        measure_set(composer, orbit, choice, settings.late_ends == Some(true))?;
         let extent = choice.extent;
-        let fixed = wanted.or(orbit.settings.estimate).radius;
+        let fixed = settings.radius;
         if matches!(choice.form, DeForm::Linear | DeForm::Box) {
             // Beyond half the escape radius the form would say 0 right where orbits escape.
             let width = composer.graph.state_width(orbit.root, &orbit.settings);
@@ -194,12 +195,12 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
 }
 
 /// Measures what a choice says of the set: its extent, and what may be trusted.
-fn measure_set(composer: &Composer, orbit: &FieldOrbit, choice: &mut Choice) -> ComposeResult<()> {
+fn measure_set(composer: &Composer, orbit: &FieldOrbit, choice: &mut Choice, late: bool) -> ComposeResult<()> {
     choice.extent = measure_extent(composer, orbit)?;
     if !choice.form.is_shape() {
         let has_both = [Method::Scalar, Method::Directional].iter().all(|m| choice.applicable.contains(m));
         choice.tight = has_both && measure_tightness(composer, orbit, choice.extent)?;
-        choice.ends = choice.by_length && measure_ends(composer, orbit, choice)?;
+        choice.ends = !late && choice.by_length && measure_ends(composer, orbit, choice)?;
     }
     Ok(())
 }

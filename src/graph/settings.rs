@@ -309,6 +309,8 @@ pub struct EstimateSettings {
     pub least_step: Option<f64>,
     /// Longest step of a march in hit thresholds, from 0.01 to 1e6; `None` is as long as the estimate.
     pub most_step: Option<f64>,
+    /// Whether orbits run on until they escape, even where a pixel shows nothing of what they would still do.
+    pub late_ends: Option<bool>,
     /// Estimate below which a ray stops; `None` stops at members of the set alone.
     pub stop_at: Option<StopAt>,
     /// What the choice goes for besides the error budget.
@@ -342,6 +344,7 @@ impl EstimateSettings {
             step: self.step.or(other.step),
             least_step: self.least_step.or(other.least_step),
             most_step: self.most_step.or(other.most_step),
+            late_ends: self.late_ends.or(other.late_ends),
             stop_at: self.stop_at.or(other.stop_at),
             quality: self.quality.or(other.quality),
             calibrated: self.calibrated.or(other.calibrated),

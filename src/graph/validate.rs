@@ -340,7 +340,7 @@ impl ValidGraph {
             let estimate = &mut settings.estimate;
             if estimate.calibrated.take().is_some() {
                 (estimate.method, estimate.fudge) = (None, None);
-                (estimate.least_step, estimate.most_step) = (None, None);
+                (estimate.least_step, estimate.most_step, estimate.late_ends) = (None, None, None);
             }
         })
     }

@@ -9,6 +9,8 @@ use crate::graph::Method;
 /// Beyond the first of these many times the budget, and where it is not thin things that are missed, a candidate's next smaller
 /// step multiplier is passed over, and shorter least steps are not tried; beyond the second two are passed over, and so on.
 const HOPELESS: [f64; 3] = [4.0, 10.0, 30.0];
+/// Times the price that orbits which run on are expected to cost.
+const COST_OF_LATE_ENDS: f64 = 1.2;
 /// What is not at least so much better is no help.
 const HELP: f64 = 0.8;
 
@@ -37,7 +39,13 @@ impl Race<'_> {
     /// The more careful neighbours of a candidate that failed. What did not help once is not tried further.
     pub(super) fn add_neighbours(&mut self, at: usize, tally: &Tally, after: Option<(Axis, f64)>) {
         let (candidate, cost) = (self.tried[at].candidate, self.tried[at].cost());
-        let excess = tally.excess(&self.options.budget).0;
+        let budget = self.options.budget;
+        let excess = tally.excess(&budget).0;
+        let can_be_late = !candidate.late_ends && self.space.base.choices.iter().any(|choice| choice.ends);
+        if can_be_late && tally.early.is_over(budget.early) {
+            self.end_late(candidate, cost);
+            return;
+        }
         let is_thin = tally.missed_thin > 0 && 2 * tally.missed_thin >= tally.missed_truth.seen;
         let skip = HOPELESS.iter().filter(|limit| excess > **limit).count();
         let helps = |axis: Axis| after.is_none_or(|(last, before)| last != axis || excess < HELP * before);
@@ -64,7 +72,7 @@ impl Race<'_> {
         }
         // A step that is not long passes little, whatever the estimate says.
         let is_limited = form.is_none() && self.limited.contains(&method);
-        if is_limited && helps(Axis::MostStep) && tally.missed.share() > self.options.budget.missed {
+        if is_limited && helps(Axis::MostStep) && tally.missed.share() > budget.missed {
             let most_step = below(&self.space.most_steps, candidate.most_step.unwrap_or(f64::INFINITY), skip);
             if most_step.is_some() {
                 let expected = self.with_most_step(at, most_step);
@@ -74,6 +82,17 @@ impl Race<'_> {
         if let Some(least_step) = shorter {
             let expected = cost * COST_OF_LEAST_STEP;
             self.add(Candidate { least_step, ..candidate }, expected, Some((Axis::LeastStep, excess)));
+        }
+    }
+
+    /// Orbits that end at the footprint stop too early here: from now on they run on, in all candidates.
+    fn end_late(&mut self, candidate: Candidate, cost: f64) {
+        let certified = |candidate: &Candidate| candidate.method.is_some_and(Method::is_certified);
+        self.add(Candidate { late_ends: true, ..candidate }, cost * COST_OF_LATE_ENDS, None);
+        for entry in self.open.iter_mut().filter(|entry| !entry.candidate.late_ends) {
+            entry.candidate.late_ends = true;
+            entry.expected *= COST_OF_LATE_ENDS;
+            entry.is_piloted &= !certified(&entry.candidate);
         }
     }
 

@@ -151,6 +151,7 @@ impl Truths {
         walker.leave_hairs(rays, &mut depths);
         let thick = walker.thick(rays, &depths);
         walker.leave_grains(rays, &thick, &mut depths);
+        walker.leave_dust(rays, &thick, &mut depths);
         self.thick.extend(thick);
         self.depths.extend(depths);
         self.rays.extend(rays);

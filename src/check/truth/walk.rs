@@ -24,6 +24,8 @@ const BISECTIONS: usize = 10;
 const AROUND: usize = 256;
 const LEAST_AROUND: usize = 9;
 
+/// Halvings of the step in a row that thin hits must agree with: steps of a 64th of a footprint at last.
+const FINER: u32 = 4;
 /// Rays beside that of a thin hit, how far they are in pixel radii, how far along them members count as the same hit, how many points of
 /// each are asked, and how many of the rays must come to a member.
 const BESIDE: usize = 8;
@@ -210,6 +212,23 @@ impl Walker<'_> {
             let around: Vec<[f64; 3]> = (0..AROUND).map(|_| near()).collect();
             let inside = self.members.inside(&around, &[eps; AROUND]);
             if inside.into_iter().filter(|inside| *inside).count() < LEAST_AROUND {
+                truths[i] = Truth::Ambiguous;
+            }
+        }
+    }
+
+    /// Makes thin hits ambiguous that much finer steps do not agree with: in dust every division finds another first grain, and two
+    /// in a row agree by chance.
+    pub(super) fn leave_dust(&self, rays: &[Ray], thick: &[bool], truths: &mut [Truth]) {
+        let thin: Vec<usize> = (0..rays.len()).filter(|&i| !thick[i] && truths[i].depth().is_some()).collect();
+        let again: Vec<Ray> = thin.iter().map(|&i| rays[i]).collect();
+        let finer = Walker {
+            members: self.members,
+            scale: Scale { agreements: FINER.max(self.scale.agreements), ..self.scale },
+        };
+        for (&i, truth) in thin.iter().zip(finer.settle(&again, &mut |_| true)) {
+            let is_same = |(a, b): (f64, f64)| (a - b).abs() <= self.scale.footprint(a);
+            if !truths[i].depth().zip(truth.depth()).is_some_and(is_same) {
                 truths[i] = Truth::Ambiguous;
             }
         }

@@ -20,6 +20,7 @@ impl Reader<'_> {
         let step = fields.optional_value("step").and_then(|v| self.difference_step(v));
         let least_step = fields.optional_value("least_step").and_then(|v| self.number(v, 1e-4, 1.0));
         let most_step = fields.optional_value("most_step").and_then(|v| self.number(v, MOST_STEPS[0], MOST_STEPS[1]));
+        let late_ends = fields.optional("late_ends", self.d);
         let stop_at = fields.optional_value("stop_at").and_then(|v| self.stop_at(v));
         let quality = self.word_or_auto(&mut fields, "quality", &[("proof", Quality::Proof)]);
         let calibrated = fields.optional_value("calibrated").and_then(|v| self.calibrated(v));
@@ -34,6 +35,7 @@ impl Reader<'_> {
             step,
             least_step,
             most_step,
+            late_ends,
             stop_at,
             quality,
             calibrated,
