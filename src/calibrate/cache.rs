@@ -78,6 +78,7 @@ pub fn hash(bytes: &[u8]) -> u128 {
 pub struct Entry {
     chosen: Candidate,
     is_within: bool,
+    wants_double: bool,
     evidence: Vec<Row>,
     rays: [usize; 2],
     reason: String,
@@ -95,6 +96,7 @@ impl Entry {
             origin: Origin::Cached,
             budget: options.budget,
             is_within: self.is_within,
+            wants_double: self.wants_double,
             rows: options.size.height,
             evidence: self.evidence,
             rays: self.rays,
@@ -115,6 +117,7 @@ pub fn write(path: &Path, calibration: &Calibration) -> std::io::Result<()> {
     let text = json!({
         "chosen": candidate_json(&chosen),
         "is_within": calibration.is_within,
+        "wants_double": calibration.wants_double,
         "rays": calibration.rays,
         "reason": calibration.plan.choices.first().map_or("", |c| c.reason.as_str()),
         "warnings": calibration.warnings,
@@ -135,6 +138,7 @@ pub fn read(path: &Path) -> Option<Entry> {
     Some(Entry {
         chosen: candidate(&value["chosen"])?,
         is_within: value["is_within"].as_bool()?,
+        wants_double: value["wants_double"].as_bool()?,
         evidence: value["evidence"].as_array()?.iter().map(row).collect::<Option<_>>()?,
         rays: [count(0)?, count(1)?],
         reason: value["reason"].as_str()?.to_string(),

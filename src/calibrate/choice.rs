@@ -13,7 +13,7 @@ use super::{Row, Verdict};
 use crate::check::truth::Budget;
 
 /// What a factor of missed hits over the budget, of early stops over it, and of the price weighs in the least bad choice.
-const WEIGHTS: [f64; 3] = [2.5, 1.0, 1.0];
+const WEIGHTS: [f64; 3] = [2.5, 2.0, 1.0];
 /// What the share of the hits that are left weighs: what shows nothing is no picture at any price.
 const WEIGHT_OF_LEFT: f64 = 2.0;
 /// What missed hits weigh where maps jump: early stops there are what a jump looks like, and missed hits are holes.

@@ -188,7 +188,7 @@ impl Tally {
         let checks = [
             (missed, "misses too much"),
             (truth, "misses what brute force finds"),
-            (fresh, "misses too much of other rays"),
+            (fresh, "misses more of other rays"),
             (self.early.share() / budget.early.max(1e-9), "stops too early"),
             (self.error / budget.error.max(1e-9), "depths are off"),
         ];

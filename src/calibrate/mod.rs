@@ -44,20 +44,25 @@ use crate::diag::Diagnostic;
 use crate::graph::{CALIBRATED_ROWS, Camera, EstimateSettings};
 use crate::shade::Size;
 use choice::{Terms, rows};
+use evidence::Tally;
 use marching::Marching;
 use meter::Meter;
 use race::Race;
 
 /// Rays of the truth that are taken even where they cost more than they may, most rays, and hits that are enough.
 const FIRST_RAYS: usize = 24;
-const MOST_TRUTHS: usize = 6000;
-const ENOUGH_HITS: usize = 1200;
+const MOST_TRUTHS: usize = 4000;
+const ENOUGH_HITS: usize = 800;
 /// Share of all work that the truth may take; the candidates take the rest.
 const SHARE_OF_TRUTH: f64 = 0.4;
 /// The same of the truth of other rays, by which the choice is confirmed; hits that are enough for it; and choices that are tried.
 const SHARE_OF_FRESH: f64 = 0.3;
-const FRESH_HITS: usize = 1500;
+const FRESH_HITS: usize = 1200;
 const CONFIRMED: usize = 8;
+/// Share of what single precision breaks the budget by that is left in double precision, where that is worth its price.
+const DOUBLE_HELPS: f64 = 0.4;
+/// Rays that are walked between two looks at what they cost.
+const PORTION: usize = 256;
 /// Most rays that candidates march, those with a truth included.
 const MOST_RAYS: usize = 24_000;
 /// Estimates a ray from which on a choice is expensive.
@@ -174,6 +179,8 @@ pub struct Calibration {
     pub budget: Budget,
     /// Whether it keeps the budget.
     pub is_within: bool,
+    /// Whether it breaks the budget in single precision, and double precision helps by far.
+    pub wants_double: bool,
     /// Rows of the picture that it is for.
     pub rows: u32,
     /// Candidates in the order in which they were tried; empty where nothing was measured.
@@ -274,6 +281,7 @@ fn without_measuring(subject: &Subject, origin: Origin, (budget, rows): (Budget,
         origin,
         budget,
         is_within: true,
+        wants_double: false,
         rows,
         evidence: Vec::new(),
         rays: [0, 0],
@@ -331,6 +339,8 @@ fn measure(
     warnings.extend(space.unproven.clone());
     let health = health.filter(|_| !is_within);
     warnings.extend(row.zip(health).map(|(row, health)| blame::warning(&health, &options.budget, row)));
+    let by_double = || tally.map_or(Ok(false), |tally| double_helps(subject, options, (&plan, tally), &fresh));
+    let wants_double = options.target == Target::CpuF32 && !is_within && by_double()?;
     let doubt = tally.filter(|_| is_within).and_then(|tally| blame::doubt(tally, &options.budget));
     warnings.extend(doubt);
     Ok(Calibration {
@@ -339,6 +349,7 @@ fn measure(
         origin: Origin::Measured,
         budget: options.budget,
         is_within,
+        wants_double,
         rows: options.size.height,
         evidence,
         rays: [hits + misses, hits],
@@ -346,6 +357,21 @@ fn measure(
         notes: outcome.notes,
         time: start.elapsed(),
     })
+}
+
+/// Whether the march of a choice that breaks the budget in single precision does far better in double precision, on the same rays.
+fn double_helps(
+    subject: &Subject,
+    options: &Options,
+    (plan, tally): (&Plan, &Tally),
+    fresh: &Truths,
+) -> Result<bool, Diagnostic> {
+    let options = Options { target: Target::CpuF64, ..options.clone() };
+    let marching = Marching::new(subject, &options, fresh.scale);
+    let march = marching.compile(&marching.compose(plan)?);
+    let mut double = Tally::default();
+    double.add_fresh(&fresh.judge(&marching.run(&march, &fresh.rays)));
+    Ok(double.excess(&options.budget).0 <= (DOUBLE_HELPS * tally.excess(&options.budget).0).max(1.0))
 }
 
 fn reason(row: &Row) -> String {
@@ -372,10 +398,14 @@ fn find_truths(
     let share = truths.counts()[0].max(1) as f64 / FIRST_RAYS as f64;
     let wanted = (hits as f64 / share) as usize;
     let count = wanted.min(affordable).clamp(FIRST_RAYS, MOST_TRUTHS);
-    truths.extend(&rays[FIRST_RAYS..count], &mut |share| {
-        progress(share * most);
-        true
-    });
+    // Dust costs more than the first rays show.
+    for portion in rays[FIRST_RAYS..count].chunks(PORTION) {
+        if truths.members().operations() > most * meter.limit() {
+            break;
+        }
+        truths.extend(portion, &mut |_| true);
+        progress(most * truths.rays.len() as f64 / count as f64);
+    }
     meter.spend(truths.members().operations());
     Ok(truths)
 }

@@ -27,7 +27,7 @@ const FEWEST: usize = 3;
 const MOST: usize = 60;
 /// Times its work that a calibration may do as long as nothing is shown to keep the budget: a wrong picture is worse than a late
 /// one.
-const PATIENCE: f64 = 3.0;
+const PATIENCE: f64 = 4.0;
 /// Candidates after which, where none of them keeps the budget, a proof is tried before others that are cheaper.
 const IMPATIENCE: usize = 10;
 /// Methods whose steps may be limited.

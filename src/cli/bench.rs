@@ -255,6 +255,7 @@ impl Bench<'_> {
             size: self.arguments.size,
             camera: self.graph.camera,
             precision: self.arguments.precision.unwrap_or(PrecisionArg::F32),
+            may_double: false,
             effort: 1.0,
             quiet: true,
         };

@@ -74,6 +74,7 @@ impl Arguments {
             size: self.size,
             camera: None,
             precision: self.precision,
+            may_double: false,
             effort: self.effort(),
             quiet: false,
         }

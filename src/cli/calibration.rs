@@ -30,6 +30,8 @@ pub struct Wish<'a> {
     pub precision: PrecisionArg,
     /// How much may be computed, as a multiple of what is usual.
     pub effort: f64,
+    /// Whether double precision may be taken instead.
+    pub may_double: bool,
     /// No progress.
     pub quiet: bool,
 }
@@ -46,7 +48,8 @@ pub fn choose_estimate(
     settle_estimate(session, Subject { library: &session.library, graph, arena, plan }, wish)
 }
 
-/// The same for a subject with the plan that the rules make of what is wished.
+/// The same for a subject with the plan that the rules make of what is wished. Nothing is told of a choice that wants double
+/// precision, where that may be taken.
 pub fn settle_estimate(session: &Session, subject: Subject, wish: &Wish) -> Result<Calibration, Failure> {
     subject.plan.warnings.iter().for_each(|warning| session.warn(warning));
     let is_inside = subject.graph.plane.is_none() && {
@@ -66,6 +69,9 @@ pub fn settle_estimate(session: &Session, subject: Subject, wish: &Wish) -> Resu
     let calibration = calibrate(&subject, &options, &mut |share| progress.update(share));
     progress.finish();
     let calibration = calibration.map_err(|diagnostic| session.failure(diagnostic))?;
+    if calibration.wants_double && wish.may_double {
+        return Ok(calibration);
+    }
     calibration.warnings.iter().for_each(|warning| session.warn(warning));
     if let (Some(line), false) = (calibration.warns_of_price(), wish.quiet) {
         talk(&format!("note: {line}"));

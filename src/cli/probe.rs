@@ -119,6 +119,7 @@ impl Probe<'_> {
             size: RenderSettings::default().size,
             camera: None,
             precision: self.precision,
+            may_double: false,
             effort: 1.0,
             quiet: true,
         };

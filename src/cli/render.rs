@@ -176,6 +176,9 @@ impl Arguments {
             size: settings.size,
             camera: graph.camera,
             precision,
+            may_double: precision == PrecisionArg::F32
+                && self.precision == PicturePrecision::Auto
+                && self.backend != BackendArg::Gpu,
             effort: 1.0,
             quiet: self.quiet,
         }
@@ -351,11 +354,20 @@ fn fit(
     let plan = plan.map_or_else(|| seen::plan_of(session, arena, &graph, &settings.estimate), Ok)?;
     let by_rules = compose_planned(&composer, &settings, plan.clone()).map_err(failed)?;
     let resolution = resolution(arena, &by_rules, settings.size);
-    let precision = settle_precision(session, arguments, asked, &resolution);
+    let mut precision = settle_precision(session, arguments, asked, &resolution);
     settings.min_difference = precision.min_difference();
     settings.boxed = true;
-    let subject = Subject { library: &session.library, graph: &graph, arena, plan };
-    let calibration = settle_estimate(session, subject, &arguments.wish(&graph, &settings, precision))?;
+    let subject = || Subject { library: &session.library, graph: &graph, arena, plan: plan.clone() };
+    let wish = arguments.wish(&graph, &settings, precision);
+    let mut calibration = settle_estimate(session, subject(), &wish)?;
+    if calibration.wants_double && wish.may_double {
+        if !arguments.quiet {
+            talk("single precision is too coarse for this formula's orbits; the CPU takes it in f64");
+        }
+        precision = PrecisionArg::F64;
+        settings.min_difference = precision.min_difference();
+        calibration = settle_estimate(session, subject(), &arguments.wish(&graph, &settings, precision))?;
+    }
     let start = Instant::now();
     let pipeline = compose_planned(&composer, &settings, calibration.plan.clone()).map_err(failed)?;
     Ok(Fitted { composing: start.elapsed(), graph, settings, pipeline, precision, calibration })

@@ -125,6 +125,7 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
         size: arguments.size,
         camera: None,
         precision,
+        may_double: false,
         effort: 1.0,
         quiet: false,
     };
