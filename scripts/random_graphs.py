@@ -55,7 +55,7 @@ def read_parameter(name, kind, rest):
         parameter["choices"] = re.findall(r'"([^"]+)"', re.search(r"choices: \[(.*?)\]", rest).group(1))
     elif kind == "bool":
         parameter["default"] = "true" in re.search(r'"default": (\w+)', rest).group(1)
-    elif kind in ("vec3", "mat3"):
+    elif kind in ("vec3", "point", "mat3"):
         inside = re.search(r'"default": \[(.*?)\](?=, (?:min|unit|max))', rest)
         parameter["default"] = [number(x) for x in inside.group(1).replace("[", "").replace("]", "").split(",")]
     else:
@@ -82,7 +82,7 @@ def random_value(draw, parameter):
         return str(int(clamped(default + draw.choice([-1, 0, 0, 1, 2]), parameter)))
     if kind == "angle":
         return f"{clamped(draw.uniform(-60.0, 60.0), parameter):.2f}"
-    if kind == "vec3":
+    if kind in ("vec3", "point"):
         parts = [clamped(x * draw.uniform(0.6, 1.5) + draw.uniform(-0.15, 0.15), parameter) for x in default]
         return "(" + ", ".join(f"{x:.4f}" for x in parts) + ")"
     value = default * draw.uniform(0.6, 1.5) + (draw.uniform(-0.3, 0.3) if default == 0.0 else 0.0)

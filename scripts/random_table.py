@@ -36,19 +36,21 @@ def run(command, limit):
     return out, done.stderr, time.monotonic() - start
 
 
-def judged(program, path, size, rays, settings, limit):
+def judged(program, path, size, rays, settings, limit, precision="f32"):
     """The summary of `truth` for settings of an estimate."""
-    command = [program, "truth", str(path), "--rays", str(rays), "--size", size, "--seed", "77", "--precision", "f32",
+    command = [program, "truth", str(path), "--rays", str(rays), "--size", size, "--seed", "77", "--precision", precision,
                "--calibrate", "off", "--json", *settings]
     out, _, _ = run(command, limit)
     return json.loads(out.strip().splitlines()[-1])["summary"] if out else None
 
 
-def flags(method, form, fudge, least_step):
+def flags(method, form, fudge, least_step, most_step=None, late_ends=False):
     given = ["--fudge", repr(fudge)]
     given += ["--de", method] if method else []
     given += ["--form", form] if form else []
     given += ["--least-step", repr(least_step)] if least_step else []
+    given += ["--most-step", repr(most_step)] if most_step else []
+    given += ["--late-ends"] if late_ends else []
     return given
 
 
@@ -77,9 +79,13 @@ def measure(program, path, arguments, folder):
         row["empty"] = True
         return row
     choice = chosen[0]
-    row["choice"] = f'{choice["method"]} {choice["fudge"]:g}'
-    settings = flags(choice["method"], choice["form"], choice["fudge"], choice["least_step"])
-    summary = judged(program, path, arguments.size, arguments.rays, settings, arguments.limit)
+    late = " late" if choice["late_ends"] else ""
+    row["choice"] = f'{choice["method"]}{late} {choice["fudge"]:g}' + (f' in {choice["most_step"]:g}' if choice["most_step"] else "")
+    settings = flags(choice["method"], choice["form"], choice["fudge"], choice["least_step"],
+                     choice["most_step"], choice["late_ends"])
+    precision = "f64" if "f64" in made["backend"] else "f32"
+    row["settings"] = [*settings, "--precision", precision]
+    summary = judged(program, path, arguments.size, arguments.rays, settings, arguments.limit, precision)
     if summary is None:
         row["failed"] = "truth"
         return row

@@ -1,6 +1,7 @@
 //! Why nothing keeps the budget: the step of the formula that no estimate gets right, and what would help.
 
 use super::Row;
+use super::evidence::Tally;
 use crate::check::health::{Finding, Health, Kind, Severity};
 use crate::check::truth::Budget;
 use crate::graph::Method;
@@ -35,15 +36,22 @@ pub(super) fn warning(health: &Health, budget: &Budget, row: &Row) -> String {
     }
 }
 
-/// The warning for a choice that is seen to keep the budget, but might not: its bound is outside.
-pub(super) fn doubt(row: &Row, budget: &Budget) -> Option<String> {
-    let is_in_doubt = row.is_within(budget) && !row.is_shown(budget) && row.missed.seen > 0;
-    is_in_doubt.then(|| {
+/// The warning for a choice that is seen to keep the budget, but might not: a bound is outside, or rays that it was not chosen
+/// by speak against it.
+pub(super) fn doubt(tally: &Tally, budget: &Budget) -> Option<String> {
+    let is_in_doubt = !tally.is_shown(budget) && tally.missed.seen > 0;
+    let fresh = tally.fresh.filter(|fresh| fresh.seen > 1 && fresh.share() > budget.missed);
+    let count = fresh.unwrap_or(if tally.missed_truth.share() > tally.missed.share() {
+        tally.missed_truth
+    } else {
+        tally.missed
+    });
+    (is_in_doubt || fresh.is_some()).then(|| {
         format!(
             "the estimate may miss more than is allowed: it missed {} of {} hits, so up to {:.2} % (allowed {:.2} %)",
-            row.missed.seen,
-            row.missed.of,
-            100.0 * row.missed.bound(),
+            count.seen,
+            count.of,
+            100.0 * count.bound(),
             100.0 * budget.missed
         )
     })

@@ -78,6 +78,7 @@ pub fn hash(bytes: &[u8]) -> u128 {
 pub struct Entry {
     chosen: Candidate,
     is_within: bool,
+    wants_double: bool,
     evidence: Vec<Row>,
     rays: [usize; 2],
     reason: String,
@@ -95,6 +96,7 @@ impl Entry {
             origin: Origin::Cached,
             budget: options.budget,
             is_within: self.is_within,
+            wants_double: self.wants_double,
             rows: options.size.height,
             evidence: self.evidence,
             rays: self.rays,
@@ -115,6 +117,7 @@ pub fn write(path: &Path, calibration: &Calibration) -> std::io::Result<()> {
     let text = json!({
         "chosen": candidate_json(&chosen),
         "is_within": calibration.is_within,
+        "wants_double": calibration.wants_double,
         "rays": calibration.rays,
         "reason": calibration.plan.choices.first().map_or("", |c| c.reason.as_str()),
         "warnings": calibration.warnings,
@@ -140,6 +143,7 @@ pub fn parse(text: &str) -> Option<Entry> {
     Some(Entry {
         chosen: candidate(&value["chosen"])?,
         is_within: value["is_within"].as_bool()?,
+        wants_double: value["wants_double"].as_bool()?,
         evidence: value["evidence"].as_array()?.iter().map(row).collect::<Option<_>>()?,
         rays: [count(0)?, count(1)?],
         reason: value["reason"].as_str()?.to_string(),
@@ -152,6 +156,7 @@ fn candidate_json(candidate: &Candidate) -> Value {
     json!({
         "method": candidate.method.map(Method::name), "form": candidate.form.map(DeForm::name),
         "fudge": candidate.fudge, "least_step": candidate.least_step,
+        "most_step": candidate.most_step, "late_ends": candidate.late_ends,
     })
 }
 
@@ -183,7 +188,12 @@ fn candidate(value: &Value) -> Option<Candidate> {
     let form = word("form").map(|name| DeForm::ALL.into_iter().find(|f| f.name() == name));
     // A name that nobody knows spoils the entry; no name is a choice of its own.
     let (method, form) = (method.map_or(Some(None), |m| m.map(Some))?, form.map_or(Some(None), |f| f.map(Some))?);
-    Some(Candidate { method, form, fudge: share("fudge")?, least_step: share("least_step")? })
+    let most_step = match &value["most_step"] {
+        Value::Null => None,
+        longest => Some(longest.as_f64().filter(|x| *x > 0.0)?),
+    };
+    let late_ends = value["late_ends"].as_bool()?;
+    Some(Candidate { method, form, fudge: share("fudge")?, least_step: share("least_step")?, most_step, late_ends })
 }
 
 fn row(value: &Value) -> Option<Row> {

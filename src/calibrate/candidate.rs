@@ -10,6 +10,9 @@ pub const FUDGES: [f64; 8] = [1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05];
 pub const LEAST_STEPS: [f64; 5] =
     [LEAST_STEP, LEAST_STEP / 4.0, LEAST_STEP / 16.0, LEAST_STEP / 64.0, LEAST_STEP / 256.0];
 
+/// Longest steps in hit thresholds, from the cheapest, besides no limit at all.
+pub const MOST_STEPS: [f64; 4] = [16.0, 4.0, 1.0, 0.25];
+
 /// One way of estimating distances and stepping by them.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Candidate {
@@ -21,6 +24,10 @@ pub struct Candidate {
     pub fudge: f64,
     /// Shortest step as a share of the hit threshold.
     pub least_step: f64,
+    /// Longest step in hit thresholds; `None` is as long as the estimate.
+    pub most_step: Option<f64>,
+    /// Whether orbits run on until they escape.
+    pub late_ends: bool,
 }
 
 impl Candidate {
@@ -31,6 +38,8 @@ impl Candidate {
             form: self.form,
             fudge: Some(self.fudge),
             least_step: Some(self.least_step),
+            most_step: self.most_step,
+            late_ends: self.late_ends.then_some(true),
             ..EstimateSettings::default()
         }
     }
@@ -38,7 +47,8 @@ impl Candidate {
     /// Method and form in words.
     pub fn name(&self) -> String {
         let method = self.method.unwrap_or(Method::Own).name();
-        self.form.map_or(method.to_string(), |form| format!("{method} {}", form.name()))
+        let late = if self.late_ends { " late" } else { "" };
+        self.form.map_or(format!("{method}{late}"), |form| format!("{method} {}{late}", form.name()))
     }
 }
 
@@ -55,6 +65,8 @@ pub struct Space {
     pub fudges: Vec<f64>,
     /// Shortest steps, falling.
     pub least_steps: Vec<f64>,
+    /// Longest steps in hit thresholds, falling; empty where that is fixed.
+    pub most_steps: Vec<f64>,
     /// Whether proofs are asked for, at any price.
     pub wants_proof: bool,
     /// What to tell where they are and no proof applies.
@@ -99,7 +111,8 @@ impl Space {
             true => LEAST_STEPS.to_vec(),
             false => vec![base.least_step],
         };
-        Space { base, orbits, fixed, kinds, fudges, least_steps, wants_proof, unproven }
+        let most_steps = if is_free(|e| e.most_step.is_some()) { MOST_STEPS.to_vec() } else { Vec::new() };
+        Space { base, orbits, fixed, kinds, fudges, least_steps, most_steps, wants_proof, unproven }
     }
 
     /// True if nothing is left to choose.
@@ -113,6 +126,11 @@ impl Space {
         let is_proof = method.is_some_and(Method::is_certified);
         let safe = self.least_steps.iter().find(|step| !is_proof || **step <= LEAST_STEP_OF_PROOFS);
         *safe.unwrap_or(&self.least_steps[0])
+    }
+
+    /// The longest step of candidates that are tried first: none, unless one is fixed.
+    pub fn first_most_step(&self) -> Option<f64> {
+        Some(self.base.most_step).filter(|step| step.is_finite())
     }
 
     /// The plan of a candidate.
@@ -137,8 +155,12 @@ impl Space {
             choice.form = form;
             choice.fudge = candidate.fudge;
         }
+        if candidate.late_ends {
+            plan = plan.with_late_ends();
+        }
         plan.fudge = candidate.fudge;
         plan.least_step = candidate.least_step;
+        plan.most_step = candidate.most_step.unwrap_or(f64::INFINITY);
         plan
     }
 
@@ -147,7 +169,8 @@ impl Space {
         let method = self.base.choices.first().map(|c| c.method);
         let known = self.kinds.iter().any(|(m, _)| *m == method);
         let method = if known { method } else { self.kinds[0].0 };
-        Candidate { method, form: None, fudge: self.base.fudge, least_step: self.base.least_step }
+        let (fudge, least_step) = (self.base.fudge, self.base.least_step);
+        Candidate { method, form: None, fudge, least_step, most_step: self.first_most_step(), late_ends: false }
     }
 
     /// The two most careful candidates among the methods that are cheap enough to march thousands of rays with: proofs
@@ -162,10 +185,11 @@ impl Space {
         let least_step = self.least_steps[self.least_steps.len().min(2) - 1];
         let with = |method: Option<Method>| {
             let is_proof = method.is_some_and(Method::is_certified);
-            match is_proof {
-                true => Candidate { method, form: None, fudge: self.fudges[0], least_step: self.longest_step(method) },
-                false => Candidate { method, form: None, fudge: self.fudges[self.fudges.len().min(5) - 1], least_step },
-            }
+            let (fudge, least_step) = match is_proof {
+                true => (self.fudges[0], self.longest_step(method)),
+                false => (self.fudges[self.fudges.len().min(5) - 1], least_step),
+            };
+            Candidate { method, form: None, fudge, least_step, most_step: self.first_most_step(), late_ends: false }
         };
         methods.into_iter().take(2).map(with).collect()
     }

@@ -13,7 +13,7 @@ use super::{Row, Verdict};
 use crate::check::truth::Budget;
 
 /// What a factor of missed hits over the budget, of early stops over it, and of the price weighs in the least bad choice.
-const WEIGHTS: [f64; 3] = [1.5, 1.0, 1.0];
+const WEIGHTS: [f64; 3] = [2.5, 2.0, 1.0];
 /// What the share of the hits that are left weighs: what shows nothing is no picture at any price.
 const WEIGHT_OF_LEFT: f64 = 2.0;
 /// What missed hits weigh where maps jump: early stops there are what a jump looks like, and missed hits are holes.
@@ -77,7 +77,7 @@ fn within(judged: &[Judged], budget: &Budget, base: f64, cap: f64) -> Option<usi
     }
     // Of those that are only seen to keep it the cheapest may be the luckiest.
     let open = (0..judged.len()).filter(|i| judged[*i].standing <= Standing::Scant && judged[*i].cost <= LUCK * base);
-    let order = |j: &Judged| (j.standing == Standing::Scant, j.tally.missed.expected(), j.cost);
+    let order = |j: &Judged| (j.standing == Standing::Scant, j.tally.expected(), j.cost);
     open.min_by(|a, b| order(&judged[*a]).partial_cmp(&order(&judged[*b])).unwrap_or(Ordering::Equal))
 }
 

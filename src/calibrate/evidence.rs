@@ -1,6 +1,6 @@
 //! What was seen of a candidate, and what that proves: counts, and the bounds that they put on a share.
 
-use crate::check::truth::{Budget, chance_of_at_least};
+use crate::check::truth::{Budget, Judgement, chance_of_at_least};
 
 /// A bound holds with this chance of being wrong.
 pub const DOUBT: f64 = 0.05;
@@ -71,6 +71,8 @@ pub(super) struct Tally {
     pub early: Count,
     /// Median depth error in footprints.
     pub error: f64,
+    /// Missed hits of rays with a truth that the choice was not made by, where it was confirmed.
+    pub fresh: Option<Count>,
 }
 
 /// What a tally says about a budget.
@@ -89,24 +91,37 @@ pub(super) enum Standing {
 }
 
 /// Logarithms of the factors of the price that missing the whole budget counts for, and stopping early by all of it.
-const RISK_OF_MISSED: f64 = 1.6;
+const RISK_OF_MISSED: f64 = 3.0;
 const RISK_OF_EARLY: f64 = 0.6;
 /// Share of the missed hits (and of the early stops) of a budget that a safe choice comes to.
 const SAFE_MISSED: f64 = 0.25;
 const SAFE_EARLY: f64 = 0.7;
+/// The same of rays with a truth, of which there are fewer.
+const SAFE_TRUTH: f64 = 0.5;
+/// Hits with a truth from which on their share says something of its own.
+const TELLING: usize = 200;
+/// A share of them that is seen by chance in less than so many samples breaks the budget.
+const DOUBT_OF_TRUTH: f64 = 0.2;
 
 impl Tally {
+    /// Whether the bounds of what was counted are inside a budget, too.
+    pub fn is_shown(&self, budget: &Budget) -> bool {
+        self.missed.bound() <= budget.missed
+            && self.early.bound() <= budget.early
+            && self.missed_truth.share() <= budget.missed
+    }
+
     /// Where it stands.
     pub fn standing(&self, budget: &Budget) -> Standing {
         if self.excess(budget).0 > 1.0 {
             return Standing::Out;
         }
-        let is_shown = self.missed.bound() <= budget.missed && self.early.bound() <= budget.early;
+        let is_shown = self.is_shown(budget);
         // A rate is on the average a bit more than what few counts show.
         let expected = self.missed.expected();
         let is_safe = expected <= SAFE_MISSED * budget.missed
             && self.early.share() <= SAFE_EARLY * budget.early
-            && self.missed_truth.share() <= budget.missed;
+            && self.missed_truth.share() <= SAFE_TRUTH * budget.missed;
         match (is_shown, is_safe) {
             (true, true) => Standing::Safe,
             (true, false) => Standing::Shown,
@@ -128,9 +143,30 @@ impl Tally {
     /// What a price is multiplied by for expected misses and early stops: rays that were not measured shall keep the budget,
     /// too, and who keeps it narrowly breaks it on many of them.
     pub fn risk(&self, budget: &Budget) -> f64 {
-        let missed = self.missed.expected() / budget.missed.max(1e-9);
+        let missed = self.expected() / budget.missed.max(1e-9);
         let early = self.early.share() / budget.early.max(1e-9);
         (RISK_OF_MISSED * missed + RISK_OF_EARLY * early).exp()
+    }
+
+    /// The share of missed hits that is to be expected, by what marches know and by what brute force knows.
+    pub fn expected(&self) -> f64 {
+        let truth = if self.missed_truth.of >= TELLING { self.missed_truth.expected() } else { 0.0 };
+        self.missed.expected().max(truth)
+    }
+
+    /// Counts rays that the choice was not made by.
+    pub fn add_fresh(&mut self, judged: &Judgement) {
+        let count = |share: f64, of: usize| Count { seen: (share * of as f64).round() as usize, of };
+        let (missed, early) = (count(judged.missed, judged.hits), count(judged.early, judged.stops));
+        for (to, by) in [(&mut self.missed, missed), (&mut self.missed_truth, missed), (&mut self.early, early)] {
+            (to.seen, to.of) = (to.seen + by.seen, to.of + by.of);
+        }
+        self.fresh = Some(missed);
+    }
+
+    /// Whether a budget is kept, by all that was counted.
+    pub fn is_within(&self, budget: &Budget) -> bool {
+        self.excess(budget).0 <= 1.0
     }
 
     /// Whether no further ray could save it.
@@ -142,13 +178,17 @@ impl Tally {
     pub fn excess(&self, budget: &Budget) -> (f64, &'static str) {
         let missed = self.missed.share() / budget.missed.max(1e-9);
         // Few hits with a truth say little, unless so many are missed that chance does not explain it.
-        let truth = match missed <= 1.0 && self.missed_truth.is_over(budget.missed) {
+        let truth = match missed <= 1.0 && self.missed_truth.exceeds(budget.missed, DOUBT_OF_TRUTH) {
             true => self.missed_truth.share() / budget.missed.max(1e-9),
             false => 0.0,
         };
+        // One miss of few hits is chance.
+        let fresh =
+            self.fresh.filter(|fresh| fresh.seen > 1).map_or(0.0, |fresh| fresh.share() / budget.missed.max(1e-9));
         let checks = [
             (missed, "misses too much"),
             (truth, "misses what brute force finds"),
+            (fresh, "misses more of other rays"),
             (self.early.share() / budget.early.max(1e-9), "stops too early"),
             (self.error / budget.error.max(1e-9), "depths are off"),
         ];

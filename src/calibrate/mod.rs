@@ -31,12 +31,12 @@ pub mod written;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-pub use candidate::{Candidate, FUDGES, LEAST_STEPS, Space};
+pub use candidate::{Candidate, FUDGES, LEAST_STEPS, MOST_STEPS, Space};
 pub use evidence::Count;
 pub use race::MOST_PRICE;
 
 use crate::check::Subject;
-use crate::check::health::{Kind, check_steps};
+use crate::check::health::{Health, Kind, check_steps};
 pub use crate::check::truth::Budget;
 use crate::check::truth::{Ray, Scale, Truths, view_rays};
 use crate::compose::{Plan, choose, field_orbits};
@@ -45,6 +45,7 @@ use crate::graph::{CALIBRATED_ROWS, Camera, EstimateSettings};
 use crate::math::Precision;
 use crate::shade::Size;
 use choice::{Terms, rows};
+use evidence::Tally;
 use marching::Marching;
 use meter::Meter;
 use race::Race;
@@ -52,9 +53,17 @@ use race::Race;
 /// Rays of the truth that are taken even where they cost more than they may, most rays, and hits that are enough.
 const FIRST_RAYS: usize = 24;
 const MOST_TRUTHS: usize = 4000;
-const ENOUGH_HITS: usize = 500;
+const ENOUGH_HITS: usize = 800;
 /// Share of all work that the truth may take; the candidates take the rest.
 const SHARE_OF_TRUTH: f64 = 0.4;
+/// The same of the truth of other rays, by which the choice is confirmed; hits that are enough for it; and choices that are tried.
+const SHARE_OF_FRESH: f64 = 0.3;
+const FRESH_HITS: usize = 1200;
+const CONFIRMED: usize = 8;
+/// Share of what single precision breaks the budget by that is left in double precision, where that is worth its price.
+const DOUBLE_HELPS: f64 = 0.4;
+/// Rays that are walked between two looks at what they cost.
+const PORTION: usize = 256;
 /// Most rays that candidates march, those with a truth included.
 const MOST_RAYS: usize = 24_000;
 /// Estimates a ray from which on a choice is expensive.
@@ -137,11 +146,6 @@ impl Row {
         self.missed.share() <= budget.missed && self.early.share() <= budget.early && self.error <= budget.error
     }
 
-    /// Whether the bounds of what was counted are inside a budget too.
-    pub fn is_shown(&self, budget: &Budget) -> bool {
-        self.is_within(budget) && self.missed.bound() <= budget.missed && self.early.bound() <= budget.early
-    }
-
     /// Whether it was chosen.
     pub fn is_chosen(&self) -> bool {
         self.verdict == Verdict::Chosen
@@ -176,6 +180,8 @@ pub struct Calibration {
     pub budget: Budget,
     /// Whether it keeps the budget.
     pub is_within: bool,
+    /// Whether it breaks the budget in single precision, and double precision helps by far.
+    pub wants_double: bool,
     /// Rows of the picture that it is for.
     pub rows: u32,
     /// Candidates in the order in which they were tried; empty if nothing was measured.
@@ -276,6 +282,7 @@ fn without_measuring(subject: &Subject, origin: Origin, (budget, rows): (Budget,
         origin,
         budget,
         is_within: true,
+        wants_double: false,
         rows,
         evidence: Vec::new(),
         rays: [0, 0],
@@ -298,17 +305,30 @@ fn measure(
     let (pilot, work) = marching.pilot(&space.plan(&space.by_rule()), &rays)?;
     let mut meter = Meter::new(options, pilot.price);
     meter.compiled(&work);
-    let truths = find_truths(subject, (&rays, scale), &mut meter, progress)?;
+    let truths = find_truths(subject, (&rays, scale), (&mut meter, SHARE_OF_TRUTH, ENOUGH_HITS), progress)?;
     let [hits, misses, _] = truths.counts();
-    let outcome = Race::new(options, space, &truths, marching, (&mut meter, pilot)).run(progress)?;
+    let mut outcome = Race::new(options, space, &truths, marching, (&mut meter, pilot)).run(progress)?;
     let terms = Terms { budget: &options.budget, proof: space.wants_proof };
-    let mut health = None;
-    let evidence = rows(&outcome.tried, terms, &mut || {
-        let found = check_steps(subject)?;
-        let jumps = found.findings.iter().any(|finding| finding.kind == Kind::Jump);
-        health = Some(found);
-        Ok::<bool, Diagnostic>(jumps)
-    })?;
+    let mut health: Option<Health> = None;
+    let mut jumps = || {
+        let found = match health.take() {
+            Some(found) => found,
+            None => check_steps(subject)?,
+        };
+        Ok::<bool, Diagnostic>(health.insert(found).findings.iter().any(|finding| finding.kind == Kind::Jump))
+    };
+    let fresh = view_rays(&options.camera, options.size, MOST_TRUTHS, options.seed + 2);
+    let mut extra = Meter::new(options, pilot.price);
+    let fresh = find_truths(subject, (&fresh, scale), (&mut extra, SHARE_OF_FRESH, FRESH_HITS), &mut |_| {})?;
+    let mut evidence = rows(&outcome.tried, terms, &mut jumps)?;
+    for _ in 0..CONFIRMED {
+        let chosen = evidence.iter().position(Row::is_chosen);
+        let Some(chosen) = chosen.filter(|at| outcome.tried[*at].1.fresh.is_none()) else { break };
+        outcome.confirm(chosen, &fresh);
+        evidence = rows(&outcome.tried, terms, &mut jumps)?;
+    }
+    let tally = evidence.iter().position(Row::is_chosen).map(|at| &outcome.tried[at].1);
+    let is_within = tally.is_some_and(|tally| tally.is_within(&options.budget));
     let row = evidence.iter().find(|row| row.is_chosen());
     let chosen = row.map_or_else(|| space.by_rule(), |row| row.candidate);
     let mut plan = space.plan(&chosen);
@@ -318,14 +338,19 @@ fn measure(
     }
     let mut warnings = Vec::new();
     warnings.extend(space.unproven.clone());
+    let health = health.filter(|_| !is_within);
     warnings.extend(row.zip(health).map(|(row, health)| blame::warning(&health, &options.budget, row)));
-    warnings.extend(row.and_then(|row| blame::doubt(row, &options.budget)));
+    let by_double = || tally.map_or(Ok(false), |tally| double_helps(subject, options, (&plan, tally), &fresh));
+    let wants_double = options.precision == Precision::F32 && !is_within && by_double()?;
+    let doubt = tally.filter(|_| is_within).and_then(|tally| blame::doubt(tally, &options.budget));
+    warnings.extend(doubt);
     Ok(Calibration {
         chosen: chosen.settings(),
         plan,
         origin: Origin::Measured,
         budget: options.budget,
-        is_within: row.is_some_and(|row| row.is_within(&options.budget)),
+        is_within,
+        wants_double,
         rows: options.size.height,
         evidence,
         rays: [hits + misses, hits],
@@ -333,6 +358,21 @@ fn measure(
         notes: outcome.notes,
         time: start.elapsed(),
     })
+}
+
+/// Whether the march of a choice that breaks the budget in single precision does far better in double precision, on the same rays.
+fn double_helps(
+    subject: &Subject,
+    options: &Options,
+    (plan, tally): (&Plan, &Tally),
+    fresh: &Truths,
+) -> Result<bool, Diagnostic> {
+    let options = Options { precision: Precision::F64, ..options.clone() };
+    let marching = Marching::new(subject, &options, fresh.scale);
+    let march = marching.compile(&marching.compose(plan)?);
+    let mut double = Tally::default();
+    double.add_fresh(&fresh.judge(&marching.run(&march, &fresh.rays)));
+    Ok(double.excess(&options.budget).0 <= (DOUBLE_HELPS * tally.excess(&options.budget).0).max(1.0))
 }
 
 fn reason(row: &Row) -> String {
@@ -349,20 +389,24 @@ fn reason(row: &Row) -> String {
 fn find_truths(
     subject: &Subject,
     (rays, scale): (&[Ray], Scale),
-    meter: &mut Meter,
+    (meter, most, hits): (&mut Meter, f64, usize),
     progress: &mut dyn FnMut(f64),
 ) -> Result<Truths, Diagnostic> {
     let composer = subject.composer();
     let mut truths = Truths::find(&composer, &subject.plan.choices, &rays[..FIRST_RAYS], scale, &mut |_| true)?;
     let each = truths.members().operations() / FIRST_RAYS as f64;
-    let affordable = (SHARE_OF_TRUTH * meter.limit() / each.max(1.0)) as usize;
+    let affordable = (most * meter.limit() / each.max(1.0)) as usize;
     let share = truths.counts()[0].max(1) as f64 / FIRST_RAYS as f64;
-    let wanted = (ENOUGH_HITS as f64 / share) as usize;
+    let wanted = (hits as f64 / share) as usize;
     let count = wanted.min(affordable).clamp(FIRST_RAYS, MOST_TRUTHS);
-    truths.extend(&rays[FIRST_RAYS..count], &mut |share| {
-        progress(share * SHARE_OF_TRUTH);
-        true
-    });
+    // Dust costs more than the first rays show.
+    for portion in rays[FIRST_RAYS..count].chunks(PORTION) {
+        if truths.members().operations() > most * meter.limit() {
+            break;
+        }
+        truths.extend(portion, &mut |_| true);
+        progress(most * truths.rays.len() as f64 / count as f64);
+    }
     meter.spend(truths.members().operations());
     Ok(truths)
 }

@@ -5,6 +5,8 @@
 //! shorter least step) are only looked at where it failed for something that they may mend. Where the counts leave open
 //! whether a candidate keeps the budget, it marches more rays until they decide.
 
+mod neighbours;
+
 use super::evidence::{Standing, Tally};
 use super::marching::{Compiled, Marching, PILOT_RAYS, Pilot, totals};
 use super::meter::Meter;
@@ -25,9 +27,11 @@ const FEWEST: usize = 3;
 const MOST: usize = 60;
 /// Times its work that a calibration may do as long as nothing is shown to keep the budget: a wrong picture is worse than a late
 /// one.
-const PATIENCE: f64 = 3.0;
+const PATIENCE: f64 = 4.0;
 /// Candidates after which, where none of them keeps the budget, a proof is tried before others that are cheaper.
 const IMPATIENCE: usize = 10;
+/// Methods whose steps may be limited.
+const LIMITED: usize = 2;
 /// Known hits that the choice is to be judged on, where that is affordable: who is the first of many to keep a budget may be lucky.
 const CONFIRMED_HITS: usize = 3000;
 /// Hits without a truth that candidates are first judged by, and the fewest and most rays for them.
@@ -39,11 +43,6 @@ const LEAST_RAYS: usize = 96;
 const DOUBTFUL_RAYS: usize = 4 * LEAST_RAYS;
 /// Share of all work that each of the careful marches may take which find what others miss.
 const SHARE_OF_CAREFUL: f64 = 0.2;
-/// Beyond the first of these many times the budget, and where it is not thin things that are missed, a candidate's next smaller
-/// step multiplier is passed over, and shorter least steps are not tried; beyond the second two are passed over, and so on.
-const HOPELESS: [f64; 3] = [4.0, 10.0, 30.0];
-/// What is not at least so much better is no help.
-const HELP: f64 = 0.8;
 /// How much more expensive than the cheapest candidate that is seen to keep the budget one may be that is shown to.
 pub(super) const SURER: f64 = 2.3;
 /// Times the price of the cheapest candidate that keeps the budget as printed which no choice may cost, unless asked for.
@@ -54,6 +53,7 @@ pub const MOST_PRICE: f64 = 8.0;
 enum Axis {
     Fudge,
     LeastStep,
+    MostStep,
 }
 
 /// A candidate that has not been tried.
@@ -90,11 +90,22 @@ impl Tried {
 }
 
 /// What a race leaves.
-pub(super) struct Outcome {
+pub(super) struct Outcome<'a> {
     /// Candidates in the order in which they were tried, with what was counted of them.
     pub tried: Vec<(Tried, Tally)>,
     /// What the evidence does not show: why proofs were left out.
     pub notes: Vec<String>,
+    /// What marches.
+    marching: Marching<'a>,
+}
+
+impl Outcome<'_> {
+    /// Lets a candidate march rays of a truth that no choice was made by, and counts them with the others.
+    pub fn confirm(&mut self, at: usize, fresh: &Truths) {
+        let (tried, tally) = &mut self.tried[at];
+        let ends = self.marching.run(&tried.march, &fresh.rays);
+        tally.add_fresh(&fresh.judge(&ends));
+    }
 }
 
 pub(super) struct Race<'a> {
@@ -112,6 +123,10 @@ pub(super) struct Race<'a> {
     careful: usize,
     /// Methods and forms that shorter steps did not help.
     helpless: Vec<(Option<Method>, Option<DeForm>)>,
+    /// Methods whose steps may be limited: the cheapest, since an estimate matters little then.
+    limited: Vec<Option<Method>>,
+    /// Hit thresholds from the bounding sphere to a ray's end, on the average.
+    reach: f64,
     notes: Vec<String>,
 }
 
@@ -129,12 +144,15 @@ impl<'a> Race<'a> {
         let first = truths.rays.len() + ((FIRST_HITS / share) as usize).clamp(fewest, most);
         let sight = Sight::new(options, truths);
         let (open, tried, notes) = (Vec::new(), Vec::new(), Vec::new());
-        let helpless = Vec::new();
-        Race { options, space, marching, meter, sight, first, pilot, open, tried, careful: 0, helpless, notes }
+        let (helpless, limited, reach) = (Vec::new(), Vec::new(), truths.reach());
+        let careful = 0;
+        #[rustfmt::skip]
+        let race = Race { options, space, marching, meter, sight, first, pilot, open, tried, careful, helpless, limited, reach, notes };
+        race
     }
 
     /// Runs until nothing is expected to be a better choice, or until the work or the candidates come to an end.
-    pub fn run(mut self, told: &mut dyn FnMut(f64)) -> ComposeResult<Outcome> {
+    pub fn run(mut self, told: &mut dyn FnMut(f64)) -> ComposeResult<Outcome<'a>> {
         self.line_up()?;
         self.look_carefully()?;
         loop {
@@ -157,19 +175,21 @@ impl<'a> Race<'a> {
             }
             told(self.meter.share());
         }
-        let Race { sight, tried, notes, .. } = self;
+        let Race { sight, tried, notes, marching, .. } = self;
         let with_tally = |tried: Tried| {
             let tally = sight.tally(&tried.seen);
             (tried, tally)
         };
-        Ok(Outcome { tried: tried.into_iter().map(with_tally).collect(), notes })
+        Ok(Outcome { tried: tried.into_iter().map(with_tally).collect(), notes, marching })
     }
 
     /// All kinds at their cheapest.
     fn line_up(&mut self) -> ComposeResult<()> {
         let fudge = self.space.fudges[0];
+        let most_step = self.space.first_most_step();
         for (method, form) in self.space.kinds.clone() {
-            let candidate = Candidate { method, form, fudge, least_step: self.space.longest_step(method) };
+            let least_step = self.space.longest_step(method);
+            let candidate = Candidate { method, form, fudge, least_step, most_step, late_ends: false };
             let plan = self.space.plan(&candidate);
             let work = self.marching.work(&self.marching.compose(&plan)?);
             let Pilot { estimates, iterations, .. } = self.pilot;
@@ -182,6 +202,12 @@ impl<'a> Race<'a> {
             }
             self.open.push(Entry { candidate, expected, is_piloted: false, after: None });
         }
+        let is_plain = |entry: &&Entry| {
+            entry.candidate.form.is_none() && !entry.candidate.method.is_some_and(Method::is_certified)
+        };
+        let mut plain: Vec<&Entry> = self.open.iter().filter(is_plain).collect();
+        plain.sort_by(|a, b| a.expected.total_cmp(&b.expected));
+        self.limited = plain.into_iter().take(LIMITED).map(|entry| entry.candidate.method).collect();
         Ok(())
     }
 
@@ -401,66 +427,6 @@ impl<'a> Race<'a> {
                 }
                 self.add_neighbours(at, &tally, after);
             }
-        }
-    }
-
-    /// The less careful neighbours of a candidate that keeps the budget, where a careful one was tried before them.
-    fn add_cheaper(&mut self, at: usize) {
-        let (candidate, cost) = (self.tried[at].candidate, self.tried[at].cost());
-        let above = |list: &[f64], value: f64| list.iter().copied().rfind(|x| *x > value);
-        let is_proof = candidate.method.is_some_and(Method::is_certified);
-        if is_proof {
-            return;
-        }
-        if let Some(fudge) = above(&self.space.fudges, candidate.fudge) {
-            let expected = cost * (candidate.fudge / fudge).powf(COST_OF_FUDGE);
-            self.add(Candidate { fudge, ..candidate }, expected, None);
-        }
-        if let Some(least_step) = above(&self.space.least_steps, candidate.least_step) {
-            self.add(Candidate { least_step, ..candidate }, cost / COST_OF_LEAST_STEP, None);
-        }
-    }
-
-    /// The more careful neighbours of a candidate that failed. What did not help once is not tried further.
-    fn add_neighbours(&mut self, at: usize, tally: &Tally, after: Option<(Axis, f64)>) {
-        let (candidate, cost) = (self.tried[at].candidate, self.tried[at].cost());
-        let excess = tally.excess(&self.options.budget).0;
-        let is_thin = tally.missed_thin > 0 && 2 * tally.missed_thin >= tally.missed_truth.seen;
-        let skip = HOPELESS.iter().filter(|limit| excess > **limit).count();
-        let helps = |axis: Axis| after.is_none_or(|(last, before)| last != axis || excess < HELP * before);
-        let kind = (candidate.method, candidate.form);
-        if !helps(Axis::LeastStep) {
-            self.helpless.push(kind);
-        }
-        let below = |list: &[f64], value: f64, skip: usize| {
-            let smaller: Vec<f64> = list.iter().copied().filter(|x| *x < value).collect();
-            smaller.get(skip.min(smaller.len().saturating_sub(1))).copied()
-        };
-        // A proof does not overshoot.
-        let is_proof = candidate.method.is_some_and(Method::is_certified);
-        // What is thin is found by shorter steps; smaller multipliers are for later then.
-        let shorter = below(&self.space.least_steps, candidate.least_step, if is_thin { skip.min(1) } else { 0 });
-        let shorter = shorter.filter(|_| !self.helpless.contains(&kind) && (is_thin || skip == 0));
-        if helps(Axis::Fudge)
-            && !is_proof
-            && !(is_thin && shorter.is_some())
-            && let Some(fudge) = below(&self.space.fudges, candidate.fudge, skip)
-        {
-            let expected = cost * (candidate.fudge / fudge).powf(COST_OF_FUDGE);
-            self.add(Candidate { fudge, ..candidate }, expected, Some((Axis::Fudge, excess)));
-        }
-        if let Some(least_step) = shorter {
-            let expected = cost * COST_OF_LEAST_STEP;
-            self.add(Candidate { least_step, ..candidate }, expected, Some((Axis::LeastStep, excess)));
-        }
-    }
-
-    fn add(&mut self, candidate: Candidate, expected: f64, after: Option<(Axis, f64)>) {
-        let is_known = self.open.iter().any(|open| open.candidate == candidate)
-            || self.tried.iter().any(|tried| tried.candidate == candidate);
-        if !is_known {
-            let is_piloted = candidate.method.is_some_and(Method::is_certified);
-            self.open.push(Entry { candidate, expected, is_piloted, after });
         }
     }
 }

@@ -13,7 +13,7 @@ use crate::formula::value::Value;
 use crate::graph::{CALIBRATED_ROWS, Method, NodeRef};
 
 /// Fields that a calibration decides anew. A form stays what it is: it may be part of the set's definition.
-const OUTCOME: [&str; 4] = ["method", "fudge", "least_step", "calibrated"];
+const OUTCOME: [&str; 6] = ["method", "fudge", "least_step", "most_step", "late_ends", "calibrated"];
 /// Fields that the estimate is written behind.
 const BEFORE: [&str; 11] = [
     "of",
@@ -50,6 +50,8 @@ pub fn with_outcome(subject: &Subject, text: SourceId, calibration: &Calibration
         }
         entries.push(("fudge", calibration.plan.fudge.to_string()));
         entries.push(("least_step", calibration.plan.least_step.to_string()));
+        entries.extend(calibration.chosen.most_step.map(|longest| ("most_step", longest.to_string())));
+        entries.extend(calibration.chosen.late_ends.map(|late| ("late_ends", late.to_string())));
         entries.push(("calibrated", calibrated(calibration.rows)));
         entries
     })

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use bulbfold::calibrate::Budget;
 use bulbfold::engine::{BackendChoice, Request};
-use bulbfold::graph::{DeForm, Difference, DifferenceStep, EstimateSettings, Method, PRESET, Quality, StopAt};
+use bulbfold::graph::{
+    DeForm, Difference, DifferenceStep, EstimateSettings, MOST_STEPS, Method, PRESET, Quality, StopAt,
+};
 use bulbfold::math::Precision;
 use bulbfold::shade::Size;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -140,6 +142,12 @@ pub struct EstimateArgs {
     /// Shortest step of a ray as a share of the hit threshold, above 0 and at most 1 [default: 0.25]
     #[arg(long, value_name = "S", value_parser = parse_fudge)]
     pub least_step: Option<f64>,
+    /// Longest step of a ray in hit thresholds, from 0.01 to 1e6: for estimates that are too long [default: none]
+    #[arg(long, value_name = "S", value_parser = parse_most_step)]
+    pub most_step: Option<f64>,
+    /// Let orbits run on until they escape, even where a pixel shows nothing of what they would still do
+    #[arg(long)]
+    pub late_ends: bool,
     /// Stop where the estimate is below so many pixels, or world units (0.01u), as other programs do, and not at the set
     /// itself: faster, softer and in front of it. Nothing is calibrated then, and proofs ignore it
     #[arg(long, value_name = "PIXELS|UNITSu", value_parser = StopAt::parse)]
@@ -232,10 +240,18 @@ impl EstimateArgs {
             difference: self.difference,
             step: self.difference_step,
             least_step: self.least_step,
+            most_step: self.most_step,
+            late_ends: self.late_ends.then_some(true),
             stop_at: self.stop_at,
             ..EstimateSettings::default()
         }
     }
+}
+
+fn parse_most_step(text: &str) -> Result<f64, String> {
+    let [least, most] = MOST_STEPS;
+    let step = text.trim().parse::<f64>().ok().filter(|step| (least..=most).contains(step));
+    step.ok_or_else(|| format!("it must be a number from {least} to {most}"))
 }
 
 fn parse_difference(text: &str) -> Result<Difference, String> {

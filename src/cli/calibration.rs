@@ -29,8 +29,18 @@ pub fn table(calibration: &Calibration) -> String {
     let cheapest = calibration.evidence.iter().find(|row| row.is_chosen()).map_or(1.0, |row| row.cost.max(1e-9));
     let _ = writeln!(
         text,
-        "  {:<24}{:>6}{:>9}  {:>22}{:>9}{:>9}{:>9}{:>9}{:>11}{:>7}",
-        "candidate", "fudge", "shortest", "missed", "at most", "early", "at most", "error", "estimates", "cost"
+        "  {:<24}{:>6}{:>9}{:>8}  {:>22}{:>9}{:>9}{:>9}{:>9}{:>11}{:>7}",
+        "candidate",
+        "fudge",
+        "shortest",
+        "longest",
+        "missed",
+        "at most",
+        "early",
+        "at most",
+        "error",
+        "estimates",
+        "cost"
     );
     for row in &calibration.evidence {
         let verdict = match &row.verdict {
@@ -41,10 +51,11 @@ pub fn table(calibration: &Calibration) -> String {
         let Row { candidate, missed, early, error, estimates, cost, .. } = row;
         let _ = writeln!(
             text,
-            "  {:<24}{:>6}{:>9}  {:>22}{:>7.2} %{:>7.2} %{:>7.2} %{:>9.3}{:>11.1}{:>7.2}  {verdict}",
+            "  {:<24}{:>6}{:>9}{:>8}  {:>22}{:>7.2} %{:>7.2} %{:>7.2} %{:>9.3}{:>11.1}{:>7.2}  {verdict}",
             candidate.name(),
             candidate.fudge,
             shown_share(candidate.least_step),
+            candidate.most_step.map_or("-".into(), |longest| longest.to_string()),
             format!("{} of {} = {:.2} %", missed.seen, missed.of, 100.0 * missed.share()),
             100.0 * missed.bound(),
             100.0 * early.share(),
@@ -102,6 +113,8 @@ pub fn pasted(calibration: &Calibration) -> Option<String> {
     parts.extend(chosen.form.map(|form| format!("form: \"{}\"", form.name())));
     parts.extend(chosen.fudge.map(|fudge| format!("fudge: {fudge}")));
     parts.extend(chosen.least_step.map(|share| format!("least_step: {share}")));
+    parts.extend(chosen.late_ends.map(|late| format!("late_ends: {late}")));
+    parts.extend(chosen.most_step.map(|longest| format!("most_step: {longest}")));
     (!parts.is_empty())
         .then(|| format!("estimate: ({}, calibrated: {}),", parts.join(", "), calibrated(calibration.rows)))
 }

@@ -133,6 +133,9 @@ impl Report<'_> {
         row("max iterations", self.limits().iter().map(u32::to_string).collect::<Vec<_>>().join(", "));
         row("fudge", plan.fudge.to_string());
         row("shortest step", format!("{} of the hit threshold", plan.least_step));
+        if plan.most_step.is_finite() {
+            row("longest step", format!("{} hit thresholds", plan.most_step));
+        }
         row("bounding radius", format!("{:.4} ({})", plan.bounding_radius, plan.reach.name()));
         if let Some(sides) = self.pipeline.bounds.sides {
             let along = |k: usize| format!("{:.3} to {:.3}", sides.low[k], sides.high[k]);

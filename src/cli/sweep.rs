@@ -356,6 +356,7 @@ mod tests {
             members: 0.0,
             fudge,
             least_step: 1.0,
+            most_step: f64::INFINITY,
             stop_at: None,
             difference_step,
             warnings,

@@ -91,12 +91,29 @@ pub struct Plan {
     pub fudge: f64,
     /// Shortest step of a march, as a share of the hit threshold: the least that is asked for.
     pub least_step: f64,
+    /// Longest step of a march in hit thresholds: the least that is asked for, or infinity.
+    #[serde(with = "unbounded")]
+    pub most_step: f64,
     /// Estimate below which a ray stops: the nearest to the set that is asked for. `None` stops at members alone.
     pub stop_at: Option<StopAt>,
     /// Step of finite differences: the first that an orbit asks for.
     pub difference_step: DifferenceStep,
     /// What a user should know, for example that a method that was asked for does not apply.
     pub warnings: Vec<String>,
+}
+
+/// A number that may be infinite, which JSON has no word for: `null` there.
+mod unbounded {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[allow(clippy::trivially_copy_pass_by_ref)]
+    pub(super) fn serialize<S: Serializer>(x: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        x.is_finite().then_some(*x).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
 }
 
 impl Plan {
@@ -154,9 +171,10 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     }
     let mut radii = Vec::new();
     for (orbit, choice) in orbits.iter().zip(&mut choices) {
-        measure_set(composer, orbit, choice)?;
+        let settings = wanted.or(orbit.settings.estimate);
+        measure_set(composer, orbit, choice, settings.late_ends == Some(true))?;
         let extent = choice.extent;
-        let fixed = wanted.or(orbit.settings.estimate).radius;
+        let fixed = settings.radius;
         if matches!(choice.form, DeForm::Linear | DeForm::Box) {
             // Beyond half the escape radius the form would say 0 right where orbits escape.
             let width = composer.graph.state_width(orbit.root, &orbit.settings);
@@ -176,19 +194,33 @@ pub fn choose(composer: &Composer, wanted: &EstimateSettings) -> ComposeResult<P
     let difference_step = steps.into_iter().next().unwrap_or_default();
     let shares = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).least_step);
     let least_step = shares.chain(wanted.least_step).reduce(f64::min);
+    let longest = orbits.iter().filter_map(|orbit| wanted.or(orbit.settings.estimate).most_step);
+    let most_step = longest.chain(wanted.most_step).fold(f64::INFINITY, f64::min);
     let certified = choices.iter().any(|choice| choice.method.is_certified());
     let least_step = least_step.unwrap_or(if certified { LEAST_STEP_OF_PROOFS } else { LEAST_STEP });
     let stop_at = if certified { None } else { choose_stop(composer, wanted, (&orbits, &mut choices), &mut warnings)? };
-    Ok(Plan { choices, bounding_radius, reach, members, fudge, least_step, stop_at, difference_step, warnings })
+    let plan = Plan {
+        choices,
+        bounding_radius,
+        reach,
+        members,
+        fudge,
+        least_step,
+        most_step,
+        stop_at,
+        difference_step,
+        warnings,
+    };
+    Ok(plan)
 }
 
-/// Measures the set for a choice: its extent, and which results can be trusted.
-fn measure_set(composer: &Composer, orbit: &FieldOrbit, choice: &mut Choice) -> ComposeResult<()> {
+/// Measures what a choice says of the set: its extent, and what may be trusted.
+fn measure_set(composer: &Composer, orbit: &FieldOrbit, choice: &mut Choice, late: bool) -> ComposeResult<()> {
     choice.extent = measure_extent(composer, orbit)?;
     if !choice.form.is_shape() {
         let has_both = [Method::Scalar, Method::Directional].iter().all(|m| choice.applicable.contains(m));
         choice.tight = has_both && measure_tightness(composer, orbit, choice.extent)?;
-        choice.ends = choice.by_length && measure_ends(composer, orbit, choice)?;
+        choice.ends = !late && choice.by_length && measure_ends(composer, orbit, choice)?;
     }
     Ok(())
 }

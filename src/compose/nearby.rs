@@ -27,7 +27,7 @@ const STOPS: usize = 24;
 const MAY_FAIL: usize = STOPS / 8;
 /// The share of stops that may have an image narrower than the set. Behind ripples all have one; of the bulbs kept up to half do,
 /// beside their axis and in crevices, where one direction grows slowest.
-const MAY_BE_NARROW: f64 = 0.5;
+const MAY_BE_NARROW: f64 = 0.375;
 /// How far around a stop members are looked for, in thresholds: a stop by an estimate lies in front of the set.
 const REACH_OF_ENDS: f64 = 0.25;
 const REACH_OF_ESTIMATES: f64 = 4.0;

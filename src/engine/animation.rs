@@ -107,7 +107,9 @@ impl<'a> Animation<'a> {
             return Ok(Estimates::Own);
         }
         let least = |of: fn(&EstimateSettings) -> Option<f64>| chosen.iter().filter_map(of).reduce(f64::min);
-        let shared = EstimateSettings { fudge: least(|s| s.fudge), least_step: least(|s| s.least_step), ..first };
+        let [fudge, least_step, most_step] = [least(|s| s.fudge), least(|s| s.least_step), least(|s| s.most_step)];
+        let late_ends = chosen.iter().any(|s| s.late_ends == Some(true)).then_some(true);
+        let shared = EstimateSettings { fudge, least_step, most_step, late_ends, ..first };
         Ok(Estimates::Shared(shared.or(self.request.estimate)))
     }
 

@@ -146,12 +146,23 @@ impl<'a> Settling<'a> {
         asked
     }
 
-    /// Chooses the estimate of a graph: measured, or by the rules where that is switched off.
+    /// Chooses the estimate of a graph: measured, or by the rules if that is switched off.
     pub fn estimate(
         &self,
         graph: &ValidGraph,
         plan: Plan,
         precision: Precision,
+        observer: &mut dyn Observer,
+    ) -> Result<Calibration, Error> {
+        self.measured(graph, plan, (precision, false), observer)
+    }
+
+    /// Chooses the estimate. If double precision may be taken, nothing is told of a choice that wants it.
+    fn measured(
+        &self,
+        graph: &ValidGraph,
+        plan: Plan,
+        (precision, may_double): (Precision, bool),
         observer: &mut dyn Observer,
     ) -> Result<Calibration, Error> {
         let subject = Subject { library: self.library, graph, arena: self.arena, plan };
@@ -171,6 +182,9 @@ impl<'a> Settling<'a> {
         let calibration = calibrate(&subject, &options, &mut |share| observer.progress(Stage::Calibrating, share));
         let calibration = calibration.map_err(|message| self.failed(message))?;
         observer.progress(Stage::Calibrating, 1.0);
+        if calibration.wants_double && may_double {
+            return Ok(calibration);
+        }
         calibration.warnings.iter().for_each(|warning| observer.warn(warning_of(warning)));
         if let Some(line) = calibration.warns_of_price() {
             observer.note(&format!("note: {line}"));
@@ -203,8 +217,16 @@ impl<'a> Settling<'a> {
         }
         let plan = plan.map_or_else(|| self.plan(&graph), Ok)?;
         let resolution = self.resolution(&graph, plan.clone(), asked)?;
-        let precision = self.precision(asked, &resolution, observer);
-        let calibration = self.estimate(&graph, plan, precision, observer)?;
+        let mut precision = self.precision(asked, &resolution, observer);
+        let may_double = precision == Precision::F32
+            && self.request.precision.is_none()
+            && self.request.backend != BackendChoice::Gpu;
+        let mut calibration = self.measured(&graph, plan.clone(), (precision, may_double), observer)?;
+        if calibration.wants_double && may_double {
+            observer.note("single precision is too coarse for this formula's orbits; the CPU takes it in f64");
+            precision = Precision::F64;
+            calibration = self.estimate(&graph, plan, precision, observer)?;
+        }
         Ok(Settled { graph, iterations, precision, calibration })
     }
 

@@ -28,7 +28,8 @@ pub use read::read;
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
     CALIBRATED_ROWS, Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, IterationLimit,
-    Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, Method, NO_ESCAPE, OrbitSettings, Plane, Quality, StopAt,
+    Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, MOST_STEPS, Method, NO_ESCAPE, OrbitSettings, Plane, Quality,
+    StopAt,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind, TestPoint};
 pub use validate::ValidGraph;

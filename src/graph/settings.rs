@@ -259,6 +259,9 @@ pub const LEAST_STEP: f64 = 0.25;
 /// over none. They cost no more: what the walk takes longer, shorter proofs save.
 pub const LEAST_STEP_OF_PROOFS: f64 = 1.0 / 128.0;
 
+/// Longest steps that may be asked for, in hit thresholds.
+pub const MOST_STEPS: [f64; 2] = [0.01, 1e6];
+
 /// The estimate below which a ray stops.
 #[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
 pub enum StopAt {
@@ -308,6 +311,10 @@ pub struct EstimateSettings {
     pub step: Option<DifferenceStep>,
     /// Shortest step of a march, as a share of the hit threshold, in (0, 1].
     pub least_step: Option<f64>,
+    /// Longest step of a march in hit thresholds, from 0.01 to 1e6; `None` is as long as the estimate.
+    pub most_step: Option<f64>,
+    /// Whether orbits run on until they escape, even where a pixel shows nothing of what they would still do.
+    pub late_ends: Option<bool>,
     /// Estimate below which a ray stops; `None` stops at members of the set alone.
     pub stop_at: Option<StopAt>,
     /// What the choice goes for besides the error budget.
@@ -340,6 +347,8 @@ impl EstimateSettings {
             difference: self.difference.or(other.difference),
             step: self.step.or(other.step),
             least_step: self.least_step.or(other.least_step),
+            most_step: self.most_step.or(other.most_step),
+            late_ends: self.late_ends.or(other.late_ends),
             stop_at: self.stop_at.or(other.stop_at),
             quality: self.quality.or(other.quality),
             calibrated: self.calibrated.or(other.calibrated),

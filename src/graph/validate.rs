@@ -339,7 +339,8 @@ impl ValidGraph {
         self.with_orbit_settings(|settings| {
             let estimate = &mut settings.estimate;
             if estimate.calibrated.take().is_some() {
-                (estimate.method, estimate.fudge, estimate.least_step) = (None, None, None);
+                (estimate.method, estimate.fudge) = (None, None);
+                (estimate.least_step, estimate.most_step, estimate.late_ends) = (None, None, None);
             }
         })
     }

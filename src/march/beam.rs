@@ -28,8 +28,11 @@ const LEAST_TRIED: f64 = 2.0;
 const FIRST: f64 = 0.25;
 
 /// The plan of the beams of a plan's rays: the same, with balls where proofs are of segments. `None` where estimates hold
-/// along their ray alone.
+/// along their ray alone, or where no step may be as long as they are.
 pub fn beam_plan(plan: &Plan) -> Option<Plan> {
+    if plan.most_step.is_finite() {
+        return None;
+    }
     let mut plan = plan.clone();
     for choice in &mut plan.choices {
         choice.method = match choice.method {

@@ -39,6 +39,8 @@ pub struct MarchSettings {
     pub max_march_steps: u32,
     /// Shortest step as a share of the hit threshold: what is thinner along a ray may be stepped over.
     pub least_step: f64,
+    /// Longest step in hit thresholds, or infinity: an estimate that is too long passes no more than that.
+    pub most_step: f64,
     /// What it is computed in: steps, differences and bisections stay above what that can resolve.
     pub precision: Precision,
     /// Whether estimates are proofs: `h` then says how far the next one is to reach.
@@ -55,8 +57,8 @@ pub struct MarchSettings {
 /// Estimates after which a ray of estimates is unfinished.
 const MAX_STEPS: u32 = 1000;
 /// The same where estimates are proofs: a ray walks as long as it must through what can't be proven. Beside the axis of an
-/// asin bulb of power 2 that takes thousands of steps.
-const MAX_STEPS_OF_PROOFS: u32 = 20_000;
+/// asin bulb of power 2 that takes thousands of steps. And where no step may be long.
+const MAX_LONG_STEPS: u32 = 20_000;
 
 impl Default for MarchSettings {
     fn default() -> Self {
@@ -66,6 +68,7 @@ impl Default for MarchSettings {
             hit_eps: 0.0,
             max_march_steps: MAX_STEPS,
             least_step: LEAST_STEP,
+            most_step: f64::INFINITY,
             precision: Precision::F32,
             certified: false,
             difference_step: DifferenceStep::default(),
@@ -92,9 +95,10 @@ impl MarchSettings {
             },
             stops_at_threshold: plan.stop_at.is_some(),
             least_step: plan.least_step,
+            most_step: plan.most_step,
             precision,
             certified: plan.is_certified(),
-            max_march_steps: if plan.is_certified() { MAX_STEPS_OF_PROOFS } else { MAX_STEPS },
+            max_march_steps: if plan.is_certified() || plan.most_step.is_finite() { MAX_LONG_STEPS } else { MAX_STEPS },
             difference_step: plan.difference_step,
             relaxation: relaxed::of_plan(plan),
         }
@@ -109,6 +113,10 @@ struct Moment<'g> {
     ray: Ray<Expr<'g>>,
     state: MarchState<Expr<'g>>,
 }
+
+/// Share of a ray's far end up to which its longest steps do not shrink with the distance: beside the camera they would be
+/// countless.
+const NEAREST: f64 = 1.0 / 64.0;
 
 impl<'g> Moment<'g> {
     fn read(inputs: &mut Inputs<'g>) -> Moment<'g> {
@@ -130,6 +138,12 @@ impl<'g> Moment<'g> {
     /// The point of the ray at `t`.
     fn point(&self, t: Expr<'g>) -> Expr<'g> {
         self.ray.origin + self.ray.direction * t
+    }
+
+    /// The longest step at `t`, where there is one.
+    fn longest_step(&self, settings: &MarchSettings) -> Option<Expr<'g>> {
+        let eps = || self.state.t.max(self.ray.t_far * NEAREST) * settings.pixel_radius + settings.hit_eps;
+        settings.most_step.is_finite().then(|| eps() * settings.most_step.max(settings.least_step))
     }
 
     fn hit_eps(&self, settings: &MarchSettings) -> Expr<'g> {
@@ -201,10 +215,13 @@ fn compose_advance(arena: &Arena, settings: &MarchSettings) -> Function {
     // t = 0, would stand still: then the least step that any precision has is taken.
     let usable = zero.le(de).select(de, zero);
     let walk = hit_eps * settings.least_step;
-    let wanted = state.t + (usable * settings.fudge).max(walk);
+    let longest = now.longest_step(settings);
+    let step = (usable * settings.fudge).max(walk);
+    let wanted = state.t + longest.map_or(step, |longest| step.min(longest));
     let forward = wanted.le(state.t).select(state.t + least_gap(&now, settings), wanted);
     let relaxed = Relaxed::new(&now, settings, walk, usable);
     let farther = relaxed.as_ref().map_or(forward, |relaxed| relaxed.farther(&now, forward));
+    let farther = longest.map_or(farther, |longest| farther.min((state.t + longest).max(forward)));
     // Bisecting: to the middle, until the ends are near each other. A ray that starts inside hits there.
     let width = t_inside - t_outside;
     let middle = t_outside + width * 0.5;

@@ -24,6 +24,8 @@ const FUDGE_INSTEAD_OF_PROOFS: f64 = 0.35;
 const MOST: f64 = 3.0;
 /// Hit thresholds of primary rays that one of theirs is as large as: half a pixel of shadow is not seen.
 const COARSER: f64 = 2.0;
+/// Times the longest step of primary rays that theirs may be.
+const LONGER: f64 = 4.0;
 /// Hit thresholds in front of its start that such a ray has no need to look at.
 pub const SKIPPED: f64 = 4.0;
 
@@ -51,7 +53,8 @@ pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &Marc
     let least_step = settings.least_step.max(shortest);
     let pixel_radius = settings.pixel_radius * COARSER;
     let hit_eps = settings.hit_eps * COARSER;
-    let coarse = MarchSettings { least_step, pixel_radius, hit_eps, relaxation, ..*settings };
+    let most_step = settings.most_step * LONGER;
+    let coarse = MarchSettings { least_step, most_step, pixel_radius, hit_eps, relaxation, ..*settings };
     let mut march = stop_at_crossing(arena, &compose_march(arena, estimator, &coarse));
     // Where proofs are short, nothing needs be near.
     if settings.certified {

@@ -46,7 +46,8 @@ pub enum Truth {
     /// Nowhere in the bounding sphere.
     Miss,
     /// Finer steps kept changing the answer: the ray grazes the set or meets dust. Or it is on no member, but so near to a hair of
-    /// them that a pixel could not tell; who passes that is not wrong, nor who stops.
+    /// them that a pixel could not tell; or what it meets is a hair or a grain that is gone an eighth of a footprint beside. Who
+    /// passes that is not wrong, nor who stops.
     Ambiguous,
 }
 
@@ -149,7 +150,10 @@ impl Truths {
         let mut depths = walker.settle(rays, progress);
         let rays = &rays[..depths.len()];
         walker.leave_hairs(rays, &mut depths);
-        self.thick.extend(walker.thick(rays, &depths));
+        let thick = walker.thick(rays, &depths);
+        walker.leave_grains(rays, &thick, &mut depths);
+        walker.leave_dust(rays, &thick, &mut depths);
+        self.thick.extend(thick);
         self.depths.extend(depths);
         self.rays.extend(rays);
     }
@@ -163,6 +167,19 @@ impl Truths {
     /// Hits that are thinner along their ray than a hit threshold.
     pub fn thin(&self) -> usize {
         self.depths.iter().zip(&self.thick).filter(|(truth, thick)| truth.depth().is_some() && !**thick).count()
+    }
+
+    /// Hit thresholds that a ray goes inside the bounding sphere, to its hit or to the far side, on the average of those that meet
+    /// the sphere.
+    pub fn reach(&self) -> f64 {
+        let Scale { pixel_radius, bounding_radius, nearest, .. } = self.scale;
+        let way = |(ray, truth): (&Ray, &Truth)| {
+            let (near, far) = sphere_range(ray.0, ray.1, bounding_radius);
+            let end = truth.depth().unwrap_or(far);
+            (near < far).then(|| (end.max(nearest) / near.max(nearest)).ln().max(0.0) / pixel_radius)
+        };
+        let ways: Vec<f64> = self.rays.iter().zip(&self.depths).filter_map(way).collect();
+        ways.iter().sum::<f64>() / ways.len().max(1) as f64
     }
 
     /// The membership that decided.

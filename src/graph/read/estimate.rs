@@ -5,7 +5,7 @@ use crate::diag::Diagnostic;
 use crate::formula::decode::Fields;
 use crate::formula::value::{Value, ValueKind};
 use crate::graph::settings::{
-    CALIBRATED_ROWS, DeForm, Difference, DifferenceStep, EstimateSettings, Method, Quality, StopAt,
+    CALIBRATED_ROWS, DeForm, Difference, DifferenceStep, EstimateSettings, MOST_STEPS, Method, Quality, StopAt,
 };
 
 impl Reader<'_> {
@@ -19,6 +19,8 @@ impl Reader<'_> {
         let fudge = fields.optional_value("fudge").and_then(|v| self.number(v, 1e-3, 1.0));
         let step = fields.optional_value("step").and_then(|v| self.difference_step(v));
         let least_step = fields.optional_value("least_step").and_then(|v| self.number(v, 1e-4, 1.0));
+        let most_step = fields.optional_value("most_step").and_then(|v| self.number(v, MOST_STEPS[0], MOST_STEPS[1]));
+        let late_ends = fields.optional("late_ends", self.d);
         let stop_at = fields.optional_value("stop_at").and_then(|v| self.stop_at(v));
         let quality = self.word_or_auto(&mut fields, "quality", &[("proof", Quality::Proof)]);
         let calibrated = fields.optional_value("calibrated").and_then(|v| self.calibrated(v));
@@ -32,6 +34,8 @@ impl Reader<'_> {
             difference,
             step,
             least_step,
+            most_step,
+            late_ends,
             stop_at,
             quality,
             calibrated,
