@@ -65,7 +65,7 @@ fn backgrounds_look_as_files_state_them() {
     let shown = [0.1, 0.35, 0.8];
     for fog in ["0", "0.5"] {
         let set = |path: &str, value: &str| (path.to_string(), value.to_string());
-        let background = "((0.1, 0.35, 0.8), (0.1, 0.35, 0.8))";
+        let background = "[(0.1, 0.35, 0.8), (0.1, 0.35, 0.8)]";
         let changes = [set("look.background", background), set("look.fog", fog)];
         let formula = engine.open_with("mandelbulb", &changes).unwrap();
         let image = engine.picture(&formula, &request(2), &mut ()).unwrap();
