@@ -6,6 +6,7 @@ use std::thread::JoinHandle;
 
 use super::{Backends, Cancel, Composed, Engine, Error, Job, Observer, Sink, Stage, Work};
 use crate::diag::Diagnostic;
+use crate::film;
 use crate::kernel::template::Kept;
 use crate::kernel::{Backend, BackendError, Kernel};
 use crate::render::{Renderer, Stats};
@@ -44,11 +45,12 @@ impl Work for Rows<'_> {
         let (rows, sink) = (&mut self.rows, &mut *self.sink);
         let (refused, is_cancelled) = (&mut self.refused, &mut self.is_cancelled);
         let wanted = rows.clone();
-        let mut take = |pixels: Vec<u8>| {
-            rows.start += (pixels.len() / bytes) as u32;
+        let layers = sink.layers();
+        let mut take = |pixels: film::Rows| {
+            rows.start += (pixels.srgb.len() / bytes) as u32;
             sink.push(pixels).map_err(|error| *refused = Some(error)).is_ok()
         };
-        renderer.render_rows_of(wanted, &mut take, &mut |share| {
+        renderer.render_layers(wanted, layers, &mut take, &mut |share| {
             observer.progress(Stage::Rendering, share);
             *is_cancelled |= observer.is_cancelled();
             !*is_cancelled

@@ -2,27 +2,43 @@
 
 use std::io;
 
-use crate::film::{Image, PngFile};
+use crate::film::{Image, Layer, PngFile, Radiance, Rows};
 
-/// Takes the rows of a picture from the top, three bytes of sRGB a pixel, some whole rows at a time.
+/// Takes the rows of a picture from the top, some whole rows at a time.
 pub trait Sink: Send {
+    /// What it wants of each pixel.
+    fn layers(&self) -> &'static [Layer] {
+        &[Layer::Srgb]
+    }
+
     /// Takes the next rows.
     ///
     /// Errors end the render, which then has [`Error::Sink`](super::Error::Sink).
-    fn push(&mut self, rows: Vec<u8>) -> io::Result<()>;
+    fn push(&mut self, rows: Rows) -> io::Result<()>;
 }
 
 impl Sink for Image {
-    fn push(&mut self, mut rows: Vec<u8>) -> io::Result<()> {
-        self.rgb.append(&mut rows);
+    fn push(&mut self, mut rows: Rows) -> io::Result<()> {
+        self.rgb.append(&mut rows.srgb);
+        Ok(())
+    }
+}
+
+impl Sink for Radiance {
+    fn layers(&self) -> &'static [Layer] {
+        &[Layer::Srgb, Layer::Radiance]
+    }
+
+    fn push(&mut self, mut rows: Rows) -> io::Result<()> {
+        self.rgb.append(&mut rows.radiance);
         Ok(())
     }
 }
 
 impl Sink for PngFile {
     /// [`PngFile::finish`] has the cause of an error.
-    fn push(&mut self, rows: Vec<u8>) -> io::Result<()> {
-        match PngFile::push(self, rows) {
+    fn push(&mut self, rows: Rows) -> io::Result<()> {
+        match PngFile::push(self, rows.srgb) {
             true => Ok(()),
             false => Err(io::Error::other("the file takes no more rows")),
         }
@@ -30,8 +46,8 @@ impl Sink for PngFile {
 }
 
 /// A function that takes rows.
-impl<F: FnMut(Vec<u8>) -> io::Result<()> + Send> Sink for F {
-    fn push(&mut self, rows: Vec<u8>) -> io::Result<()> {
+impl<F: FnMut(Rows) -> io::Result<()> + Send> Sink for F {
+    fn push(&mut self, rows: Rows) -> io::Result<()> {
         self(rows)
     }
 }

@@ -1,10 +1,14 @@
-//! Film: tiles, their pixels in an order that keeps neighbours together, and PNG files.
+//! Film: tiles, their pixels in an order that keeps neighbours together, radiance and how it is developed, and PNG files.
 
+mod develop;
+mod layers;
 mod made;
 mod png;
 
 use std::path::Path;
 
+pub use self::develop::{Curve, Develop, compose_develop};
+pub use self::layers::{Layer, Radiance, Rows};
 pub use self::made::{MadePng, read_png, read_png_bytes};
 pub use self::png::PngFile;
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::meter::{Meter, Progress};
 use super::refine::Seen;
 use super::{Renderer, Sampling, Stats};
-use crate::film::{Image, Tile, Window, windows};
+use crate::film::{Image, Layer, Rows, Tile, Window, windows};
 use crate::kernel::{Backend, BackendError};
 
 /// Why a render ended early.
@@ -59,6 +59,18 @@ impl<B: Backend> Renderer<'_, B> {
         sink: &mut dyn FnMut(Vec<u8>) -> bool,
         progress: &mut Progress,
     ) -> Result<bool, BackendError> {
+        self.render_layers(rows, &[Layer::Srgb], &mut |rows| sink(rows.srgb), progress)
+    }
+
+    /// [`Renderer::render_rows_of`] with the layers that are wanted.
+    pub fn render_layers(
+        &mut self,
+        rows: Range<u32>,
+        layers: &[Layer],
+        sink: &mut dyn FnMut(Rows) -> bool,
+        progress: &mut Progress,
+    ) -> Result<bool, BackendError> {
+        self.keeps_radiance = layers.contains(&Layer::Radiance);
         let start = Instant::now();
         let mut stats = self.stats.clone();
         let done = self.bands(rows, sink, progress, &mut stats);
@@ -74,7 +86,7 @@ impl<B: Backend> Renderer<'_, B> {
     fn bands(
         &self,
         rows: Range<u32>,
-        sink: &mut dyn FnMut(Vec<u8>) -> bool,
+        sink: &mut dyn FnMut(Rows) -> bool,
         progress: &mut Progress,
         stats: &mut Stats,
     ) -> Result<(), Halt> {
@@ -83,15 +95,15 @@ impl<B: Backend> Renderer<'_, B> {
         let left = f64::from(end.saturating_sub(first));
         let meter = Meter::new(progress, f64::from(width) * left, self.samples.len());
         // Rows of a band, and those above and below it.
-        let most = if self.samples.len() > 1 { height.min(self.cut.band.saturating_add(2)) } else { 0 };
+        let most = if self.keeps_light() { height.min(self.cut.band.saturating_add(2)) } else { 0 };
         let mut seen = Seen::new(width, first.saturating_sub(1), most);
         for y in (first..end).step_by(self.cut.band as usize) {
             let band = Tile { x: 0, y, width, height: self.cut.band.min(end - y) };
-            let rgb = match self.samples.len() {
-                1 => self.only_pass(band, &meter, stats)?,
-                _ => self.both_passes(band, &mut seen, &meter, stats)?,
+            let rows = match self.keeps_light() {
+                false => Rows { srgb: self.only_pass(band, &meter, stats)?, radiance: Vec::new() },
+                true => self.both_passes(band, &mut seen, &meter, stats)?,
             };
-            if !sink(rgb) {
+            if !sink(rows) {
                 return Err(Halt::Stopped);
             }
         }
@@ -112,7 +124,7 @@ impl<B: Backend> Renderer<'_, B> {
     }
 
     /// The colours of a band's pixels with more samples where they are needed.
-    fn both_passes(&self, band: Tile, seen: &mut Seen, meter: &Meter, stats: &mut Stats) -> Result<Vec<u8>, Halt> {
+    fn both_passes(&self, band: Tile, seen: &mut Seen, meter: &Meter, stats: &mut Stats) -> Result<Rows, Halt> {
         let end = band.y + band.height;
         // Whether a pixel of the last row is refined depends on the row below it.
         let (rows, samples) = seen.extend((end + 1).min(self.size.height));
@@ -123,19 +135,21 @@ impl<B: Backend> Renderer<'_, B> {
         })?;
         let mut rgb = vec![[0; 3]; band.count()];
         let refined = self.uneven(band, seen, &mut rgb);
+        let mut light = if self.keeps_radiance { seen.light(band) } else { Vec::new() };
         meter.decide(band.count(), refined.len());
-        self.second_pass(band, (seen, &refined), &mut rgb, meter, stats)?;
+        self.second_pass(band, (seen, &refined), (&mut rgb, &mut light), meter, stats)?;
         seen.forget_before(end - 1);
-        Ok(rgb.into_flattened())
+        Ok(Rows { srgb: rgb.into_flattened(), radiance: light.into_flattened() })
     }
 
     /// Gives the pixels of a band the colours of their first samples, and says which need the others, tile by tile.
     fn uneven(&self, band: Tile, seen: &Seen, rgb: &mut [[u8; 3]]) -> Vec<(u32, u32)> {
         let all = self.sampling == Sampling::Full;
+        let has_others = self.samples.len() > 1;
         let of_tile = |mut pixels: Window<[u8; 3]>| {
             let mut places = pixels.tile.pixels();
             places.iter().for_each(|&place| pixels.set(place, seen.at(place).srgb));
-            places.retain(|&place| all || seen.is_uneven(place));
+            places.retain(|&place| has_others && (all || seen.is_uneven(place)));
             places
         };
         windows(band, rgb, self.cut.tile).into_par_iter().flat_map_iter(of_tile).collect()
@@ -146,7 +160,7 @@ impl<B: Backend> Renderer<'_, B> {
         &self,
         band: Tile,
         (seen, refined): (&Seen, &[(u32, u32)]),
-        rgb: &mut [[u8; 3]],
+        (rgb, light): (&mut [[u8; 3]], &mut [[f32; 3]]),
         meter: &Meter,
         stats: &mut Stats,
     ) -> Result<(), Halt> {
@@ -154,12 +168,23 @@ impl<B: Backend> Renderer<'_, B> {
         let parts = refined.chunks((self.cut.rays / self.samples.len()).max(1)).collect();
         let results = self.in_parts(parts, meter, stats, |pixels, part| {
             let mut colours = Vec::with_capacity(pixels.len());
-            self.other_samples(pixels, |place| seen.at(place), part, |place, srgb| colours.push((place, srgb)))?;
+            self.other_samples(
+                pixels,
+                |place| seen.at(place),
+                part,
+                |place, srgb, light| {
+                    colours.push((place, srgb, light));
+                },
+            )?;
             meter.advance(pixels.len() * (self.samples.len() - 1));
             Ok(colours)
         })?;
-        for ((x, y), srgb) in results.into_iter().flatten() {
-            rgb[(y - band.y) as usize * band.width as usize + x as usize] = srgb;
+        for ((x, y), srgb, radiance) in results.into_iter().flatten() {
+            let at = (y - band.y) as usize * band.width as usize + x as usize;
+            rgb[at] = srgb;
+            if let Some(light) = light.get_mut(at) {
+                *light = radiance;
+            }
         }
         Ok(())
     }

@@ -8,6 +8,7 @@ use super::plane::compose_plane;
 use super::{BeamUse, RenderSettings};
 use crate::compose::{Bounds, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
+use crate::film::{Develop, compose_develop};
 use crate::graph::{Camera, Look, Plane};
 use crate::kernel::{Kernel, March};
 use crate::march::{MarchSettings, SKIPPED, compose_march, compose_shadow_march, shadow_plan};
@@ -96,7 +97,10 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         return compose_plane(composer, plane, settings, &plan);
     }
     let camera = camera_of(composer, &plan);
-    let look: &Look = &composer.graph.look;
+    let develop = Develop::SOLID;
+    // Files state what the background looks like, and light is mixed with light.
+    let own = &composer.graph.look;
+    let look = &Look { background: own.background.map(|shown| develop.radiance_of(shown)), ..own.clone() };
     let arena = composer.arena;
     let frame = CameraFrame::new(&camera);
     let pixel_radius = shade::pixel_radius(&camera, settings.size);
@@ -115,7 +119,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     passes.push(Role::Camera, [Slot::Points], Slot::Rays, Kernel::Map(camera_kernel));
     let tiles = match settings.plain || settings.beams == BeamUse::Off {
         true => None,
-        false => compose_beams(&mut passes, composer, &plan, &camera, (settings, &bounds), &march)?,
+        false => compose_beams(&mut passes, composer, &plan, (&camera, look), (settings, &bounds), &march)?,
     };
     passes.push(Role::March, [Slot::Rays], Slot::Ends, marched);
 
@@ -134,7 +138,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     // Everything to colours.
     let colour = shade::compose_colour(arena, look, &frame, plan.bounding_radius, plan.is_certified());
     passes.push(Role::Colour, seen, Slot::Colours, Kernel::Map(colour));
-    passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(shade::compose_encode(arena)));
+    passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(compose_develop(arena, develop)));
     Ok(Pipeline { camera, bounds, plane: None, pixel_radius, tiles, passes, plan })
 }
 

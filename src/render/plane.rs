@@ -4,6 +4,7 @@ use super::passes::{Passes, Role, Slot};
 use super::{Pipeline, RenderSettings};
 use crate::compose::{Bounds, Composer, Plan, Purpose, compose_estimator};
 use crate::diag::Diagnostic;
+use crate::film::{Develop, compose_develop};
 use crate::graph::Plane;
 use crate::kernel::Kernel;
 use crate::march::{MarchSettings, compose_still, still_plan};
@@ -37,7 +38,7 @@ pub(super) fn compose_plane(
     passes.push(Role::Surface, [Slot::Queries], Slot::Surfaces, surface);
     let colour = Kernel::Map(shade::compose_plane_colour(arena, look, plane, settings.size));
     passes.push(Role::Colour, [Slot::Rays, Slot::Ends, Slot::Surfaces], Slot::Colours, colour);
-    passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(shade::compose_encode(arena)));
+    passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(compose_develop(arena, Develop::PLANE)));
     Ok(Pipeline {
         camera: shade::facing(plane),
         bounds: Bounds::ball(plan.bounding_radius),

@@ -62,6 +62,11 @@ impl Seen {
         self.pixels[self.index(pixel)]
     }
 
+    /// The light of a band's first samples.
+    pub(super) fn light(&self, band: Tile) -> Vec<[f32; 3]> {
+        self.pixels[self.index((0, band.y))..][..band.count()].iter().map(|sample| sample.linear).collect()
+    }
+
     /// Whether a pixel and those around it differ so much that one sample does not stand for it.
     pub(super) fn is_uneven(&self, pixel: (u32, u32)) -> bool {
         let around = |at: u32, end: u32| at.saturating_sub(1)..(at + 2).min(end);

@@ -54,6 +54,8 @@ pub struct Renderer<'b, B: Backend> {
     shade: Chain<B>,
     /// Colours to bytes.
     encode: Chain<B>,
+    /// Whether the pixels' light is kept beside their bytes.
+    pub(super) keeps_radiance: bool,
     /// How the picture is cut.
     pub cut: Cut,
     /// What has been counted so far.
@@ -63,7 +65,7 @@ pub struct Renderer<'b, B: Backend> {
 /// The first sample of a pixel.
 #[derive(Clone, Copy, PartialEq, Debug, Default)]
 pub(super) struct Sample {
-    /// Its colour, linear; of pictures with one sample it is not kept.
+    /// Its light; of pictures with one sample it is kept where it is wanted.
     pub linear: [f32; 3],
     /// Its colour in sRGB.
     pub srgb: [u8; 3],
@@ -165,6 +167,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
             march,
             shade,
             encode,
+            keeps_radiance: false,
             cut: Cut::new(settings.size, batch),
             stats: Stats::default(),
         };
@@ -187,6 +190,11 @@ impl<'b, B: Backend> Renderer<'b, B> {
         passes::depths(self.backend, &passes::march(self.backend, &self.march, &rays)?)
     }
 
+    /// Whether first samples keep their light.
+    pub(super) fn keeps_light(&self) -> bool {
+        self.samples.len() > 1 || self.keeps_radiance
+    }
+
     /// Takes the first sample of each pixel of a window, and sets what `of` makes of it.
     pub(super) fn first_samples<T>(
         &self,
@@ -199,8 +207,9 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let parts = self.sample(Pixels::of_tile(tile, &starts), &self.samples[..1], stats)?;
         let encode = |part: &Part<_>| self.encoded(&part.colours);
         let encoded: Vec<_> = timed(&mut stats.shade, || parts.iter().map(encode).collect::<Result<_, _>>())?;
-        // Linear colours are only for sums with others.
-        let linear = parts.iter().filter(|_| self.samples.len() > 1).map(|part| &part.colours);
+        // Light is only for sums with that of others, and for who wants it.
+        let keeps = self.keeps_light();
+        let linear = parts.iter().filter(|_| keeps).map(|part| &part.colours);
         let wanted = encoded.iter().map(|srgb| (srgb, ENCODED)).chain(linear.map(|linear| (linear, LINEAR)));
         self.read(&parts, wanted.collect(), stats, |results, stats| match results {
             Results::F32(results) => self.set_samples(&parts, &results, window, stats, of),
@@ -218,7 +227,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         of: impl Fn(Sample) -> T,
     ) {
         let (srgb, others) = results.split_at(parts.len());
-        let (linear, marches) = others.split_at(if self.samples.len() > 1 { parts.len() } else { 0 });
+        let (linear, marches) = others.split_at(if self.keeps_light() { parts.len() } else { 0 });
         let status = count_marches(parts, marches, stats);
         for (k, Part { pixels, .. }) in parts.iter().enumerate() {
             let (status, linear) = (status[k], linear.get(k));
@@ -242,7 +251,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         pixels: &[(u32, u32)],
         first: impl Fn((u32, u32)) -> Sample,
         stats: &mut Stats,
-        mut take: impl FnMut((u32, u32), [u8; 3]),
+        mut take: impl FnMut((u32, u32), [u8; 3], [f32; 3]),
     ) -> Result<(), BackendError> {
         let parts = self.sample(Pixels::sorted(pixels, |place| first(place).start), &self.samples[1..], stats)?;
         let wanted = parts.iter().map(|part| (&part.colours, LINEAR)).collect();
@@ -254,7 +263,9 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let srgb = timed(&mut stats.results, || self.backend.download(&encoded))?;
         stats.refined += pixels.len() as u64;
         let places = parts.iter().flat_map(|part| part.pixels.places());
-        places.zip(&srgb[0]).for_each(|(place, &srgb)| take(place, bytes(srgb)));
+        for (i, (place, &srgb)) in places.zip(&srgb[0]).enumerate() {
+            take(place, bytes(srgb), [0, 1, 2].map(|k| averages[k][i] as f32));
+        }
         Ok(())
     }
 
@@ -380,7 +391,7 @@ fn count_marches<'a, C, N: Copy + Into<f64>>(
     parts.iter().map(&mut count).collect()
 }
 
-/// The bytes of a colour as [`compose_encode`](crate::shade::compose_encode) gives it.
+/// The bytes of a colour as [`compose_develop`](crate::film::compose_develop) gives it.
 #[inline]
 fn bytes(srgb: f64) -> [u8; 3] {
     // Numbers from here on are whole: the last bits of a sum are those of the whole number that was added.

@@ -1,4 +1,4 @@
-//! Light and colour of a pixel, and its encoding for the film.
+//! Light and colour of a pixel.
 
 use super::{CameraFrame, Seen, is_hit, read_surface};
 use crate::compose::paint::{paint, usable_trap};
@@ -9,8 +9,9 @@ use crate::kernel::records::{Colour, Marched, Painted};
 /// Steps of a march of proofs that count in full for occlusion; of more, only the logarithm does.
 const PLAIN_STEPS: f64 = 12.0;
 
-/// Ray, march, surface and (where shadows are on) shadow march to a linear colour between 0 and 1. Marches of proofs walk on
-/// in small steps where nothing is proven, and `by_proof` keeps those from darkening the picture.
+/// Ray, march, surface and (where shadows are on) shadow march to radiance: linear and without an upper end. The look's
+/// background is radiance here. Marches of proofs walk on in small steps where nothing is proven, and `by_proof` keeps those
+/// from darkening the picture.
 pub fn compose_colour(
     arena: &Arena,
     look: &Look,
@@ -40,7 +41,7 @@ pub fn compose_colour(
         let kept = (seen.march.t * (-look.fog / bounding_radius)).exp();
         surface = background.mix(surface, kept);
     }
-    Colour { colour: seen.is_hit().select(tone_map(surface), background) }.write(&mut function);
+    Colour { colour: seen.is_hit().select(surface, background) }.write(&mut function);
     function
 }
 
@@ -102,40 +103,8 @@ pub(crate) fn sun_direction(look: &Look, frame: &CameraFrame) -> [f64; 3] {
     v.map(|x| x / length)
 }
 
-/// What is seen in a direction where nothing is: linear.
+/// What is seen in a direction where nothing is: radiance.
 pub(super) fn background<'g>(arena: &'g Arena, look: &Look, frame: &CameraFrame, direction: Expr<'g>) -> Expr<'g> {
     let height = (direction.dot(arena.v3(frame.up)) * 1.6 + 0.5).clamp(arena.f(0.0), arena.f(1.0));
     arena.v3(look.background[0]).mix(arena.v3(look.background[1]), height)
-}
-
-/// Compresses bright light smoothly into 0 to 1 (the rational fit of the ACES curve by Narkowicz, 2015).
-fn tone_map(colour: Expr<'_>) -> Expr<'_> {
-    let x = colour * 0.62;
-    let mapped = x * (x * 2.51 + 0.03) / (x * (x * 2.43 + 0.59) + 0.14);
-    mapped.clamp(colour.arena.f(0.0), colour.arena.f(1.0))
-}
-
-/// Below this linear value sRGB is a straight line.
-const SRGB_LINE_END: f64 = 0.003_130_8;
-/// The curve of sRGB as a polynomial of the fourth root of the linear value, from the constant on: within 3e-6 of it, a
-/// thousandth of a byte, for a sixth of the time of powers.
-const SRGB_CURVE: [f64; 7] =
-    [-0.059_739_01, 0.141_958_26, 1.354_572_65, -0.825_280_02, 0.621_002_28, -0.294_247_64, 0.061_734_31];
-
-/// Linear colours to bytes of sRGB (IEC 61966-2-1), all three in one number: red is worth 65536, green 256. What is not a number
-/// is 0.
-pub fn compose_encode(arena: &Arena) -> Function {
-    let mut inputs = Inputs::new(arena);
-    let Colour { colour } = Colour::read(&mut inputs);
-    let mut function = inputs.function("encode");
-    let (zero, one) = (arena.f(0.0), arena.f(1.0));
-    let inside = colour.clamp(zero, one);
-    let root = inside.max(arena.f(SRGB_LINE_END)).sqrt().sqrt();
-    let [rest @ .., highest] = SRGB_CURVE;
-    let curve = rest.iter().rev().fold(root * 0.0 + highest, |sum, &coefficient| sum * root + coefficient);
-    let srgb = inside.le(arena.f(SRGB_LINE_END)).select(inside * 12.92, curve);
-    let bytes = zero.lt(colour).select(srgb.min(one) * 255.0 + 0.5, zero).floor();
-    let [red, green, blue] = [0, 1, 2].map(|i| bytes.components()[i]);
-    function.output("srgb", (red * 256.0 + green) * 256.0 + blue);
-    function
 }

@@ -1,13 +1,13 @@
 //! Shading: camera rays, surface points, shadow rays, light and colour, all as expressions.
 //!
 //! Nothing here loops or branches: each function is straight-line, specialised to the scene, and reaches every back end
-//! the way formula steps do. Colours are linear until [`compose_encode`].
+//! the way formula steps do. Colours are radiance: linear, and developed by [`film`](crate::film).
 
 mod colour;
 mod plane;
 
+pub use colour::compose_colour;
 pub(crate) use colour::sun_direction;
-pub use colour::{compose_colour, compose_encode};
 pub use plane::{compose_plane_camera, compose_plane_colour, compose_plane_point, facing, pixel_size};
 
 use serde::{Deserialize, Serialize};
@@ -149,7 +149,7 @@ fn direction_of<'g>(arena: &'g Arena, camera: &Camera, size: Size, x: Expr<'g>, 
     (arena.v3(frame.right) * right + arena.v3(frame.up) * up + arena.v3(frame.forward)).normalize()
 }
 
-/// Pixel coordinates, as [`compose_camera`] takes them, to the linear colour that a ray without a hit has.
+/// Pixel coordinates, as [`compose_camera`] takes them, to the radiance that a ray without a hit has.
 pub fn compose_background(arena: &Arena, look: &Look, camera: &Camera, size: Size) -> Function {
     let mut inputs = Inputs::new(arena);
     let Pixel { x, y } = Pixel::read(&mut inputs);

@@ -7,7 +7,7 @@ use std::sync::mpsc::channel;
 use std::time::Instant;
 
 use bulbfold::engine::{BackendChoice, CameraChange, Engine, Error, Formula, Job, Observer, Request, Stage};
-use bulbfold::film::Image;
+use bulbfold::film::{Image, Rows};
 use bulbfold::shade::Size;
 
 const SIZE: Size = Size { width: 96, height: 54 };
@@ -161,8 +161,8 @@ fn running_jobs_can_be_cancelled_and_the_engine_goes_on() {
     let large = Request { size: Size { width: 4096, height: 4096 }, samples: 16, calibrate: false, ..request() };
     let job = engine.settle(&formula, &large, &mut ()).unwrap();
     let (sender, began) = channel();
-    let told = move |rows: Vec<u8>| {
-        let _ = sender.send(rows.len());
+    let told = move |rows: Rows| {
+        let _ = sender.send(rows.srgb.len());
         Ok(())
     };
     let running = engine.start(job, 0..4096, told, ());

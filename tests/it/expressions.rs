@@ -380,7 +380,7 @@ fn complex_numbers_meet_before_they_meet_vectors() {
 #[test]
 fn pictures_are_encoded_as_srgb_says() {
     let arena = Arena::default();
-    let kernel = Kernel::Map(bulbfold::shade::compose_encode(&arena));
+    let kernel = Kernel::Map(bulbfold::film::compose_develop(&arena, bulbfold::film::Develop::PLANE));
     let red: Vec<f64> =
         (-10..=2100).map(|i| f64::from(i) / 2000.0).chain([f64::NAN, 1e-7, 0.0031308, 0.00314]).collect();
     let green: Vec<f64> = red.iter().rev().copied().collect();

@@ -26,6 +26,7 @@ mod estimate_settings;
 mod examples;
 mod exchange;
 mod expressions;
+mod film;
 mod find;
 mod formulas;
 mod framing;
