@@ -200,7 +200,7 @@ impl<C> Written<C> {
     /// Takes what was written to a slot out.
     pub fn take(&mut self, slot: Slot) -> Option<C> {
         let at = self.0.iter().position(|(written, _)| *written == slot)?;
-        Some(self.0.swap_remove(at).1)
+        Some(self.0.remove(at).1)
     }
 
     /// What was written to the slots that are left, in the order of the passes.
