@@ -1,7 +1,6 @@
 //! `AgreesOnBackends`: the pixels of a small picture on which a back end and the reference see another depth.
 
 use super::backends::{Backends, Target};
-use super::formula::rendered;
 use super::subject::Subject;
 use super::truth::{Ray, Scale, Truth, Truths};
 use crate::graph::Camera;
@@ -57,7 +56,7 @@ impl Agreement {
 pub fn agreement(subject: &Subject, backends: &Backends, target: Target) -> Result<Agreement, String> {
     let composer = subject.composer();
     let settings = RenderSettings { size: SIZE, ..RenderSettings::default() };
-    let failed = |error| rendered(error, subject.library);
+    let failed = |error: crate::diag::Diagnostic| error.rendered(&subject.library.sources);
     let pipeline = compose_pipeline(&composer, &settings).map_err(failed)?;
     let depths = |target| backends.depths(target, subject.arena, &pipeline, &settings).map_err(|e| e.to_string());
     let (reference, found) = (depths(Target::CPU_F64)?, depths(target)?);

@@ -2,7 +2,7 @@
 
 use super::agreement::agreement;
 use super::backends::{Backends, Target};
-use super::formula::rendered;
+use super::report::expect_near;
 use super::subject::Subject;
 use crate::compose::ComposeResult;
 use crate::diag::Span;
@@ -79,14 +79,6 @@ pub(super) fn applies(kind: &TestKind, target: Target) -> bool {
     }
 }
 
-/// `Err` with found and expected values where `found` is further off than `slack`: absolute below 1, relative above.
-pub(super) fn expect_near(what: &str, found: f64, expected: f64, slack: f64) -> Result<(), String> {
-    if (found - expected).abs() <= slack * expected.abs().max(1.0) {
-        return Ok(());
-    }
-    Err(format!("{what}: expected {expected} (tolerance {slack:.1e}), found {found}"))
-}
-
 impl Case<'_> {
     /// Runs one test; a point's fourth component is that of the slice that is looked at.
     pub(super) fn check(&self, kind: &TestKind) -> Result<(), String> {
@@ -122,7 +114,7 @@ impl Case<'_> {
     }
 
     fn composed<T>(&self, result: ComposeResult<T>) -> Result<T, String> {
-        result.map_err(|error| rendered(error, self.subject.library))
+        result.map_err(|error| error.rendered(&self.subject.library.sources))
     }
 
     fn estimates(&self, method: Option<Method>, points: &[[f64; 3]]) -> Result<Vec<(f64, bool)>, String> {

@@ -104,7 +104,7 @@ impl Formula {
         let formula = Formula::of(library, loaded);
         match formula.planned() {
             Ok(_) => Ok(formula),
-            Err(error) => Err(FormulaError(rendered(error, &formula.library))),
+            Err(error) => Err(FormulaError(error.rendered(&formula.library.sources))),
         }
     }
 
@@ -239,15 +239,8 @@ impl Formula {
     }
 
     fn composed<T>(&self, result: Result<T, Diagnostic>) -> T {
-        result.unwrap_or_else(|error| panic!("\n{}", rendered(error, &self.library)))
+        result.unwrap_or_else(|error| panic!("\n{}", error.rendered(&self.library.sources)))
     }
-}
-
-/// One message as a user sees it.
-pub(super) fn rendered(error: Diagnostic, library: &Library) -> String {
-    let mut d = Diagnostics::default();
-    d.push(error);
-    d.render(&library.sources, false)
 }
 
 #[cfg(test)]

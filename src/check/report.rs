@@ -103,3 +103,11 @@ impl fmt::Display for Report {
         f.write_str(&String::from_utf8_lossy(&text))
     }
 }
+
+/// `Err` with found and expected values where `found` is further off than `slack`: absolute below 1, relative above.
+pub(super) fn expect_near(what: &str, found: f64, expected: f64, slack: f64) -> Result<(), String> {
+    if (found - expected).abs() <= slack * expected.abs().max(1.0) {
+        return Ok(());
+    }
+    Err(format!("{what}: expected {expected} (tolerance {slack:.1e}), found {found}"))
+}

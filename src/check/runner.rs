@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 
 use super::backends::{Backends, Target};
 use super::cases::{Case, applies, label};
-use super::formula::rendered;
 use super::report::{Outcome, Report, Verdict};
 use super::steps::StepCase;
 use super::subject::Subject;
@@ -186,7 +185,8 @@ impl<'a> Runner<'a> {
             let loaded = load(library, file, &set, &mut d);
             let loaded = loaded.ok_or_else(|| d.render(&library.sources, false))?;
             let arena = Arc::new(Arena::default());
-            let subject = Subject::new(library, &loaded.graph, &arena).map_err(|error| rendered(error, library))?;
+            let subject =
+                Subject::new(library, &loaded.graph, &arena).map_err(|error| error.rendered(&library.sources))?;
             check_wgsl(&subject)
         });
     }
@@ -214,7 +214,7 @@ impl<'a> Runner<'a> {
         let arena = Arc::new(Arena::default());
         let subject = match Subject::new(library, graph, &arena) {
             Ok(subject) => subject,
-            Err(error) => return self.run(format!("{name}::composes"), None, || Err(rendered(error, library))),
+            Err(error) => return self.run(format!("{name}::composes"), None, || Err(error.rendered(&library.sources))),
         };
         self.run(wgsl_name, None, || check_wgsl(&subject));
         if is_calibrated {
@@ -313,8 +313,8 @@ pub fn check_calibration(subject: &Subject) -> Result<(), String> {
 /// Writes all kernels of a picture as WGSL and lets naga validate them.
 fn check_wgsl(subject: &Subject) -> Result<(), String> {
     let composer = subject.composer();
-    let pipeline =
-        compose_pipeline(&composer, &RenderSettings::default()).map_err(|error| rendered(error, subject.library))?;
+    let pipeline = compose_pipeline(&composer, &RenderSettings::default())
+        .map_err(|error| error.rendered(&subject.library.sources))?;
     for (name, kernel) in pipeline.kernels() {
         wgsl::validate(&wgsl::write(subject.arena, kernel)).map_err(|error| format!("kernel {name}: {error}"))?;
     }

@@ -5,8 +5,7 @@ use std::sync::Arc;
 use rhai::Map;
 
 use super::backends::{Backends, Target};
-use super::cases::expect_near;
-use super::formula::rendered;
+use super::report::expect_near;
 use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
 use crate::formula::library::Library;
 use crate::formula::shape::ShapeDistance;
@@ -93,10 +92,12 @@ impl StepCase<'_> {
         if self.step.is_shape() {
             let Library { engine, sources, .. } = self.library;
             let distance = self.step.trace_distance(engine, sources, arena, inputs.z, &map);
-            return distance.map(|z| (ports, Traced { z, dr: None })).map_err(|error| rendered(error, self.library));
+            return distance
+                .map(|z| (ports, Traced { z, dr: None }))
+                .map_err(|error| error.rendered(&self.library.sources));
         }
         let traced = self.step.trace(&self.library.engine, &self.library.sources, arena, inputs, &map);
-        traced.map(|traced| (ports, traced)).map_err(|error| rendered(error, self.library))
+        traced.map(|traced| (ports, traced)).map_err(|error| error.rendered(&self.library.sources))
     }
 
     /// One worked example on one back end.

@@ -49,6 +49,13 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
+    /// The message alone, as a plain text for people.
+    pub fn rendered(self, sources: &Sources) -> String {
+        let mut d = Diagnostics::default();
+        d.push(self);
+        d.render(sources, false)
+    }
+
     /// Starts an error.
     pub fn error(message: impl Into<String>) -> Self {
         Self::new(Severity::Error, message.into())

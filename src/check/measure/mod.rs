@@ -10,7 +10,6 @@ pub mod speed;
 pub mod step_size;
 
 use super::backends::{Backends, Target};
-use super::formula::rendered;
 use super::subject::Subject;
 use super::truth::{Judgement, Ray, Scale, Truths, candidate as candidate_march, ends, ray_columns};
 use crate::compose::{Plan, choose};
@@ -73,7 +72,7 @@ pub fn find_truths(subject: &Subject, view: &View, progress: &mut dyn FnMut(f64)
         true
     };
     let truths = Truths::find(&subject.composer(), &subject.plan.choices, &view.rays, view.scale, &mut told);
-    truths.map_err(|error| rendered(error, subject.library))
+    truths.map_err(|error| error.rendered(&subject.library.sources))
 }
 
 /// One way of estimating distances.
@@ -166,7 +165,7 @@ impl<'a> Measurer<'a> {
             return Ok(plan.clone());
         }
         let plan = choose(&self.subject.composer(), &candidate.settings());
-        let plan = plan.map_err(|error| rendered(error, self.subject.library))?;
+        let plan = plan.map_err(|error| error.rendered(&self.subject.library.sources))?;
         self.plans.push((method, form, plan.clone()));
         Ok(plan)
     }
@@ -193,7 +192,8 @@ fn march_kernel(subject: &Subject, plan: &Plan, candidate: &Candidate, pixel_rad
         least_step: candidate.least_step.unwrap_or(plan.least_step),
         ..MarchSettings::of_plan(plan, pixel_radius, candidate.target.precision())
     };
-    candidate_march(&subject.composer(), &plan.choices, &settings).map_err(|error| rendered(error, subject.library))
+    candidate_march(&subject.composer(), &plan.choices, &settings)
+        .map_err(|error| error.rendered(&subject.library.sources))
 }
 
 /// Indices of the points that no other is both cheaper and better than, from cheap to good; `cost` and `error` of each.

@@ -4,7 +4,6 @@
 //! small one it is rounding alone, and between them lies the window of usable steps.
 
 use super::{Backends, Subject, Target};
-use crate::check::formula::rendered;
 use crate::check::subject::estimator_columns;
 use crate::check::truth::{Truths, point};
 use crate::graph::Method;
@@ -77,7 +76,7 @@ pub fn measure(
                 subject.graph.name
             )
         })?;
-        subject.estimator(&choices).map_err(|error| rendered(error, subject.library))
+        subject.estimator(&choices).map_err(|error| error.rendered(&subject.library.sources))
     };
     let (exact, delta) = (kernel(Method::Gradient)?, kernel(Method::Delta)?);
     let points = near_points(truths);

@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use super::stops::{EARLY, EARLY_FOOTPRINTS};
 use super::{Ray, Scale, Truth, Truths, point, ray_columns, view_rays};
-use crate::check::formula::rendered;
 use crate::check::subject::Subject;
 use crate::compose::{Choice, ComposeResult, Composer, Purpose, compose_estimator};
 use crate::expr::Arena;
@@ -240,11 +239,11 @@ pub fn judge(subject: &Subject, rays: usize, settings: &RenderSettings) -> Resul
     // Rays meet the solid, of which a plane is a cut.
     let graph = subject.graph.clone().without_plane();
     let composer = Composer { graph: &graph, ..subject.composer() };
-    let pipeline = compose_pipeline(&composer, settings).map_err(|e| rendered(e, subject.library))?;
+    let pipeline = compose_pipeline(&composer, settings).map_err(|e| e.rendered(&subject.library.sources))?;
     let scale = Scale::of_view(&pipeline.camera, settings.size, pipeline.plan.bounding_radius);
     let rays = view_rays(&pipeline.camera, settings.size, rays, 4);
     let truths = Truths::find(&composer, &pipeline.plan.choices, &rays, scale, &mut |_| true);
-    let truths = truths.map_err(|error| rendered(error, subject.library))?;
+    let truths = truths.map_err(|error| error.rendered(&subject.library.sources))?;
     let ends = march_rays(
         &Cpu::new(Precision::F64),
         subject.arena,
