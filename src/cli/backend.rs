@@ -12,12 +12,13 @@ use super::session::talk;
 /// another process.
 pub fn tried_adapters() -> (Vec<(String, bool)>, Option<BackendError>) {
     #[cfg(feature = "gpu")]
-    {
+    let found = {
         let tried = driver::try_any();
-        return (tried.adapters, tried.error);
-    }
+        (tried.adapters, tried.error)
+    };
     #[cfg(not(feature = "gpu"))]
-    (Vec::new(), None)
+    let found = (Vec::new(), None);
+    found
 }
 
 /// Whether there is graphics hardware whose driver works, tried in another process.
@@ -25,13 +26,14 @@ pub fn tried_adapters() -> (Vec<(String, bool)>, Option<BackendError>) {
 /// Errors: what the driver did wrong.
 pub fn try_hardware() -> Result<bool, BackendError> {
     #[cfg(feature = "gpu")]
-    {
+    let found = {
         let tried = driver::try_hardware();
         let has_hardware = tried.has_hardware();
-        return tried.error.map_or(Ok(has_hardware), Err);
-    }
+        tried.error.map_or(Ok(has_hardware), Err)
+    };
     #[cfg(not(feature = "gpu"))]
-    Ok(false)
+    let found = Ok(false);
+    found
 }
 
 /// Does work on every back end of the machine, the reference (f64) first; on a GPU where its driver `works`.
