@@ -84,8 +84,8 @@ fn complaints(systems: impl IntoIterator<Item = (String, Formula)>, seed: u64) {
     let all: Vec<String> =
         systems.into_iter().filter_map(|(name, formula)| complaint(&name, &formula, seed, &mut counts)).collect();
     assert!(all.is_empty(), "\n{}", all.join("\n"));
-    // Of all together there are hits enough: half of the budget is kept.
-    assert!(counts[0] <= 0.0025 * counts[1], "{} of {} hits are missed", counts[0], counts[1]);
+    // Of all together there are hits enough. The cheapest that keeps the budget is taken, so the average is not far below it.
+    assert!(counts[0] <= 0.0035 * counts[1], "{} of {} hits are missed", counts[0], counts[1]);
 }
 
 /// What files say is calibrated is measured anew here; that it holds is for `bulbfold test` to say.

@@ -46,8 +46,7 @@ pub enum Truth {
     /// Nowhere in the bounding sphere.
     Miss,
     /// Finer steps kept changing the answer: the ray grazes the set or meets dust. Or it is on no member, but so near to a hair of
-    /// them that a pixel could not tell; or what it meets is a hair or a grain that is gone an eighth of a footprint beside. Who
-    /// passes that is not wrong, nor who stops.
+    /// them that a pixel could not tell: who passes that is not wrong, nor who stops.
     Ambiguous,
 }
 
@@ -151,8 +150,6 @@ impl Truths {
         let rays = &rays[..depths.len()];
         walker.leave_hairs(rays, &mut depths);
         let thick = walker.thick(rays, &depths);
-        walker.leave_grains(rays, &thick, &mut depths);
-        walker.leave_dust(rays, &thick, &mut depths);
         self.thick.extend(thick);
         self.depths.extend(depths);
         self.rays.extend(rays);

@@ -1,7 +1,6 @@
 //! Whether stops on rays without a truth are early: by the members of the set around them.
 
 use super::{Ray, Truths, point};
-use crate::math::random::Random;
 
 /// A stop in front of the truth by more than this share of the bounding radius is early.
 pub(super) const EARLY: f64 = 0.005;
@@ -10,8 +9,6 @@ pub(super) const EARLY_FOOTPRINTS: f64 = 4.0;
 /// Points around an early stop that are asked whether something thin is there after all, and how far around, in pixel radii.
 pub(super) const NEAR_STOP: usize = 33;
 pub(super) const NEAR_STOP_REACH: f64 = 0.25;
-/// Points beside the ray that are asked where none on it is a member.
-const AROUND_STOP: usize = 96;
 /// Points behind a stop that are asked for a member, over a stretch of four footprints at most: a 16th of a footprint apart.
 const BEHIND: usize = 64;
 
@@ -20,15 +17,7 @@ impl Truths {
     pub fn are_members_near(&self, places: &[(Ray, f64)]) -> Vec<bool> {
         let offset = |k: usize| 2.0 * k as f64 / (NEAR_STOP - 1) as f64 - 1.0;
         let reach = NEAR_STOP_REACH * self.scale.pixel_radius;
-        let mut near = self.have_members(places, NEAR_STOP, |k, t| t + reach * t * offset(k));
-        let mut random = Random::new(3);
-        for (near, &(ray, t)) in near.iter_mut().zip(places).filter(|(near, _)| !**near) {
-            let at = point(ray, t);
-            let beside = |offset: [f64; 3]| [0, 1, 2].map(|axis| at[axis] + offset[axis]);
-            let points: Vec<[f64; 3]> = (0..AROUND_STOP).map(|_| beside(random.in_ball(reach * t))).collect();
-            *near = self.members().inside(&points, &[self.scale.pixel_radius * t; AROUND_STOP]).contains(&true);
-        }
-        near
+        self.have_members(places, NEAR_STOP, |k, t| t + reach * t * offset(k))
     }
 
     /// Which of these stops are early: no member of the set is at them, within an eighth of a footprint of them, or so near behind

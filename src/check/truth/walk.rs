@@ -24,16 +24,6 @@ const BISECTIONS: usize = 10;
 const AROUND: usize = 256;
 const LEAST_AROUND: usize = 9;
 
-/// Halvings of the step in a row that thin hits must agree with: steps of a 64th of a footprint at last.
-const FINER: u32 = 4;
-/// Rays beside that of a thin hit, how far they are in pixel radii, how far along them members count as the same hit, how many points of
-/// each are asked, and how many of the rays must come to a member.
-const BESIDE: usize = 8;
-const BESIDE_REACH: f64 = 0.25;
-const BESIDE_ALONG: f64 = 4.0;
-const BESIDE_SAMPLES: usize = 128;
-const LEAST_BESIDE: usize = 4;
-
 /// A brute-force march.
 pub(super) struct Walker<'a> {
     pub(super) members: &'a Members,
@@ -212,47 +202,6 @@ impl Walker<'_> {
             let around: Vec<[f64; 3]> = (0..AROUND).map(|_| near()).collect();
             let inside = self.members.inside(&around, &[eps; AROUND]);
             if inside.into_iter().filter(|inside| *inside).count() < LEAST_AROUND {
-                truths[i] = Truth::Ambiguous;
-            }
-        }
-    }
-
-    /// Makes thin hits ambiguous that much finer steps do not agree with: in dust every division finds another first grain, and two
-    /// in a row agree by chance.
-    pub(super) fn leave_dust(&self, rays: &[Ray], thick: &[bool], truths: &mut [Truth]) {
-        let thin: Vec<usize> = (0..rays.len()).filter(|&i| !thick[i] && truths[i].depth().is_some()).collect();
-        let again: Vec<Ray> = thin.iter().map(|&i| rays[i]).collect();
-        let finer = Walker {
-            members: self.members,
-            scale: Scale { agreements: FINER.max(self.scale.agreements), ..self.scale },
-        };
-        for (&i, truth) in thin.iter().zip(finer.settle(&again, &mut |_| true)) {
-            let is_same = |(a, b): (f64, f64)| (a - b).abs() <= self.scale.footprint(a);
-            if !truths[i].depth().zip(truth.depth()).is_some_and(is_same) {
-                truths[i] = Truth::Ambiguous;
-            }
-        }
-    }
-
-    /// Makes thin hits ambiguous that rays beside theirs, an eighth of a footprint away, do not come to: a hair or a grain is finer
-    /// than any pixel shows, and who passes it is not wrong. A sheet is met by all of them.
-    pub(super) fn leave_grains(&self, rays: &[Ray], thick: &[bool], truths: &mut [Truth]) {
-        let mut random = Random::new(2);
-        for i in (0..rays.len()).filter(|&i| !thick[i]) {
-            let Some(t) = truths[i].depth() else { continue };
-            let (radius, at) = (t * self.scale.pixel_radius, point(rays[i], t));
-            let (mut points, mut eps) = (Vec::new(), Vec::new());
-            for _ in 0..BESIDE {
-                let offset = random.in_ball(BESIDE_REACH * radius);
-                let place = |k: usize| BESIDE_ALONG * radius * (2.0 * k as f64 / (BESIDE_SAMPLES - 1) as f64 - 1.0);
-                points.extend((0..BESIDE_SAMPLES).map(|k| {
-                    let along = place(k);
-                    [0, 1, 2].map(|axis| at[axis] + offset[axis] + rays[i].1[axis] * along)
-                }));
-                eps.extend(std::iter::repeat_n(radius, BESIDE_SAMPLES));
-            }
-            let inside = self.members.inside(&points, &eps);
-            if inside.chunks(BESIDE_SAMPLES).filter(|beside| beside.contains(&true)).count() < LEAST_BESIDE {
                 truths[i] = Truth::Ambiguous;
             }
         }
