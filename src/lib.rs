@@ -1,5 +1,21 @@
 //! Bulbfold composes hybrid 3D fractals from a graph of small formula steps and renders them.
 //!
+//! A picture, as the program makes it, takes an [`Engine`](engine::Engine) and a [`Formula`](engine::Formula):
+//!
+//! ```
+//! use bulbfold::engine::{Engine, Request};
+//! use bulbfold::shade::Size;
+//!
+//! let engine = Engine::new();
+//! let formula = engine.open("mandelbulb")?; // or the path of a file
+//! let request = Request { size: Size { width: 64, height: 36 }, ..Request::default() };
+//! let image = engine.picture(&formula, &request, &mut ())?;
+//! assert_eq!(image.rgba().len(), 64 * 36 * 4);
+//! # Ok::<(), bulbfold::engine::Error>(())
+//! ```
+//!
+//! The folder `examples` has an animation, a step of your own and distances for another program.
+//!
 //! The way of the data is the way of the modules; each imports only from those before it:
 //!
 //! 1. [`diag`], [`math`], [`memory`] and [`files`]: places in texts and messages about them; numbers and SIMD lanes; what a thread
@@ -12,7 +28,8 @@
 //! 6. [`compose`]: from a graph to distance estimators, with the method and form that suit it.
 //! 7. [`march`], [`shade`], [`film`]: rays to hits, hits to colours, colours to a picture.
 //! 8. [`load`] and [`render`] join the stages, [`precision`] says which one a view needs; [`check`] tests formulas and
-//!    measures estimates, [`calibrate`] chooses by what was measured, `chart` draws it and `view` shows it pixel by pixel.
+//!    measures estimates, [`calibrate`] chooses by what was measured, `chart` draws it and `view` shows it pixel by pixel. [`engine`]
+//!    joins all of it.
 //! 9. [`exchange`]: settings of other programs in, distance functions for other programs out.
 //!
 //! Testing a formula of your own takes a few lines:

@@ -8,6 +8,8 @@ use std::time::Instant;
 
 use bulbfold::engine::{BackendChoice, CameraChange, Engine, Error, Formula, Job, Observer, Request, Stage};
 use bulbfold::film::{Image, Rows};
+#[cfg(feature = "gpu")]
+use bulbfold::kernel::gpu::{AdapterWanted, Gpu};
 use bulbfold::shade::Size;
 
 const SIZE: Size = Size { width: 96, height: 54 };
@@ -134,9 +136,26 @@ fn work_ends_where_its_observer_says() {
 
 #[test]
 fn numbers_that_have_moved_before_compile_nothing() {
+    moved_numbers_compile_nothing(BackendChoice::Cpu);
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn numbers_that_have_moved_before_compile_nothing_on_the_gpu() {
+    match Gpu::new(AdapterWanted::Any) {
+        Ok(_) => moved_numbers_compile_nothing(BackendChoice::Gpu),
+        Err(error) => {
+            assert!(std::env::var("BULBFOLD_REQUIRE_GPU").as_deref() != Ok("1"), "{error}");
+            println!("skipped: {error}");
+        }
+    }
+}
+
+fn moved_numbers_compile_nothing(backend: BackendChoice) {
     let engine = Engine::new().keeping_kernels();
     let formula = engine.open("mandelbulb").unwrap();
-    let job = engine.settle(&formula, &Request { calibrate: false, ..request() }, &mut ()).unwrap();
+    let request = Request { calibrate: false, backend, ..request() };
+    let job = engine.settle(&formula, &request, &mut ()).unwrap();
     let base = job.camera.expect("a solid has a camera");
     let turned = |angle: f64| {
         let change = CameraChange { turn: Some(angle), ..CameraChange::default() };
@@ -145,7 +164,11 @@ fn numbers_that_have_moved_before_compile_nothing() {
     let angles = [0.0, 0.3, 0.6, 0.9, 1.2];
     for angle in angles {
         let kept = rendered(&engine, &turned(angle), &[]);
-        assert!(kept == rendered(&Engine::new(), &turned(angle), &[]), "kernels of its own make the same picture");
+        let off =
+            kept.rgb.iter().zip(&rendered(&Engine::new(), &turned(angle), &[]).rgb).filter(|(a, b)| a != b).count();
+        // A driver may fold a constant where it cannot fold a uniform.
+        let may = if backend == BackendChoice::Gpu { kept.rgb.len() / 100 } else { 0 };
+        assert!(off <= may, "kernels of its own make the same picture: {off} bytes differ");
     }
     let compiled = engine.backends().compiled();
     // Each frame by itself takes some ten.

@@ -78,6 +78,7 @@ fn fixed_plan(composer: &Composer, salt: u64) -> Plan {
         reach: Reach::Stated,
         members: 0.0,
         fudge: 1.0,
+        most_step: f64::INFINITY,
         least_step: LEAST_STEP,
         stop_at: None,
         difference_step: DifferenceStep::default(),
