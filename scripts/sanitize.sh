@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Runs the unsafe code under what can look into it: Miri for the allocator's counters, the lanes and the columns, AddressSanitizer
-# for machine code and everything around it. Needs the nightly toolchain with `miri` and `rust-src`; some ten minutes on two cores.
+# for machine code and everything around it. Needs the nightly toolchain with `miri` and `rust-src`; some three minutes on two cores for the latter.
 #
 #     scripts/sanitize.sh miri       # Miri alone
 #     scripts/sanitize.sh address    # AddressSanitizer alone
