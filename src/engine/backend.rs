@@ -79,11 +79,17 @@ impl Backends {
         all
     }
 
-    /// Back ends that use a device which is open already, whatever it is.
+    /// Uses a device which is open already, whatever it is.
     #[cfg(feature = "gpu")]
-    pub fn with_gpu(gpu: Gpu) -> Backends {
-        let opened = Opened { gpu, is_hardware: true, kernels: Kept::default() };
-        Backends { gpu: Mutex::new(Some(opened)), ..Backends::default() }
+    pub fn use_gpu(&mut self, gpu: Gpu) {
+        let opened = Opened { gpu, is_hardware: true, kernels: self.kernels() };
+        *self.gpu.get_mut().unwrap_or_else(PoisonError::into_inner) = Some(opened);
+    }
+
+    /// No kernels yet, to be kept or not.
+    #[cfg(feature = "gpu")]
+    fn kernels(&self) -> Kept<Gpu> {
+        if self.keeps { Kept::keeping() } else { Kept::default() }
     }
 
     /// Does work on the back end that is wanted and says which one it was. With `Auto`, a GPU that fails hands over to the CPU.
@@ -149,8 +155,7 @@ impl Backends {
             match Gpu::new(adapter) {
                 Ok(gpu) => {
                     let is_hardware = !gpu.adapter().is_software;
-                    let kernels = if self.keeps { Kept::keeping() } else { Kept::default() };
-                    *slot = Some(Opened { gpu, is_hardware, kernels });
+                    *slot = Some(Opened { gpu, is_hardware, kernels: self.kernels() });
                 }
                 Err(BackendError::NoAdapter(_)) if wanted == BackendChoice::Auto => return None,
                 Err(error) => return Some(Err(error)),

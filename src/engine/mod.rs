@@ -103,8 +103,9 @@ impl Engine {
     /// The engine with a device that its caller has opened.
     #[cfg(feature = "gpu")]
     #[must_use]
-    pub fn with_gpu(self, gpu: Gpu) -> Engine {
-        Engine { backends: Backends::with_gpu(gpu), ..self }
+    pub fn with_gpu(mut self, gpu: Gpu) -> Engine {
+        self.backends.use_gpu(gpu);
+        self
     }
 
     /// The engine as a program wants it that renders again and again: kernels are kept. A job whose numbers alone differ from those of

@@ -166,7 +166,10 @@ impl<'a> Settling<'a> {
         observer: &mut dyn Observer,
     ) -> Result<Calibration, Error> {
         let subject = Subject { library: self.library, graph, arena: self.arena, plan };
-        subject.plan.warnings.iter().for_each(|warning| observer.warn(warning_of(warning)));
+        let warnings = subject.plan.warnings.clone();
+        let told = |observer: &mut dyn Observer| {
+            warnings.iter().for_each(|warning| observer.warn(warning_of(warning)));
+        };
         let camera = graph.camera.unwrap_or_else(|| crate::calibrate::camera_of(&subject));
         let is_inside = graph.plane.is_none() && self.warns_of_inside(&subject, &camera, observer)?;
         // Points of a plane need no step multiplier, and no ray misses them; from inside of the set none goes anywhere.
@@ -176,6 +179,7 @@ impl<'a> Settling<'a> {
                 let text = "`--quality` is for the measured choice, which `--calibrate off` switches off";
                 return Err(Error::request(text, help));
             }
+            told(observer);
             return Ok(Calibration::by_rule(&subject));
         }
         let options = self.options(&subject, precision);
@@ -185,6 +189,7 @@ impl<'a> Settling<'a> {
         if calibration.wants_double && may_double {
             return Ok(calibration);
         }
+        told(observer);
         calibration.warnings.iter().for_each(|warning| observer.warn(warning_of(warning)));
         if let Some(line) = calibration.warns_of_price() {
             observer.note(&format!("note: {line}"));

@@ -136,14 +136,16 @@ fn work_ends_where_its_observer_says() {
 
 #[test]
 fn numbers_that_have_moved_before_compile_nothing() {
-    moved_numbers_compile_nothing(BackendChoice::Cpu);
+    moved_numbers_compile_nothing(BackendChoice::Cpu, Engine::new().keeping_kernels());
 }
 
 #[cfg(feature = "gpu")]
 #[test]
 fn numbers_that_have_moved_before_compile_nothing_on_the_gpu() {
     match Gpu::new(AdapterWanted::Any) {
-        Ok(_) => moved_numbers_compile_nothing(BackendChoice::Gpu),
+        Ok(gpu) => {
+            moved_numbers_compile_nothing(BackendChoice::Gpu, Engine::new().keeping_kernels().with_gpu(gpu));
+        }
         Err(error) => {
             assert!(std::env::var("BULBFOLD_REQUIRE_GPU").as_deref() != Ok("1"), "{error}");
             println!("skipped: {error}");
@@ -151,8 +153,7 @@ fn numbers_that_have_moved_before_compile_nothing_on_the_gpu() {
     }
 }
 
-fn moved_numbers_compile_nothing(backend: BackendChoice) {
-    let engine = Engine::new().keeping_kernels();
+fn moved_numbers_compile_nothing(backend: BackendChoice, engine: Engine) {
     let formula = engine.open("mandelbulb").unwrap();
     let request = Request { calibrate: false, backend, ..request() };
     let job = engine.settle(&formula, &request, &mut ()).unwrap();
