@@ -280,7 +280,7 @@ fn fractal_page(session: &Session, graph: &ValidGraph, latex: bool) -> Result<Ve
 /// What pictures of a fractal show: a plane, or what a camera sees.
 fn view(graph: &ValidGraph, camera: &Camera, bounding_radius: f64) -> [Block; 2] {
     let rounded = |x: f64| (x * 1e4).round() / 1e4;
-    if let Some(plane) = &graph.plane {
+    if let Some(plane) = &graph.scene.plane {
         let text = format!(
             "Pictures show the points of a plane: center {}, height {}, right {}, up {}.",
             numbers(&plane.center),
@@ -292,7 +292,7 @@ fn view(graph: &ValidGraph, camera: &Camera, bounding_radius: f64) -> [Block; 2]
     }
     let text = format!(
         "{}: position {}, target {}, field of view {} degrees; everything lies within {} of the origin.",
-        if graph.camera.is_some() { "From the file" } else { "Found automatically" },
+        if graph.scene.camera.is_some() { "From the file" } else { "Found automatically" },
         numbers(&camera.position.map(rounded)),
         numbers(&camera.target.map(rounded)),
         rounded(camera.fov.to_degrees()),

@@ -288,7 +288,7 @@ fn fractal_properties(
         differentiable: steps.iter().all(|step| step.differentiable),
         exact: !roots.is_empty()
             && roots.iter().all(|(root, _)| scalar_rules(&composer, *root) == Some(ScalarRule::Exact)),
-        dimensions: vec![if graph.plane.is_some() {
+        dimensions: vec![if graph.scene.plane.is_some() {
             2
         } else {
             roots.iter().map(|(root, settings)| graph.state_width(*root, settings)).max().unwrap_or(3)

@@ -9,10 +9,10 @@ pub fn graph_text(session: &Session, graph: &ValidGraph) -> String {
     let mut text = format!(
         "{}\n{:?} {:?} {:?}{}",
         print::listing(graph),
-        graph.camera,
-        graph.look,
+        graph.scene.camera,
+        graph.scene.look,
         graph.bounding_radius,
-        graph.plane.map(|plane| format!(" {plane:?}")).unwrap_or_default()
+        graph.scene.plane.map(|plane| format!(" {plane:?}")).unwrap_or_default()
     );
     for node in &graph.nodes {
         match &node.kind {

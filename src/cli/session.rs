@@ -128,7 +128,7 @@ impl Session {
 
 /// Tells that something follows rays where pictures of the fractal show a plane.
 pub fn refuse_plane(graph: &ValidGraph, what: &str) -> Result<(), Failure> {
-    match graph.plane {
+    match graph.scene.plane {
         None => Ok(()),
         Some(_) => Err(usage(
             format!("{what} follows rays, and a picture of `{}` shows the points of a plane", graph.name),

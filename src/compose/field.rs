@@ -130,7 +130,7 @@ pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpo
     let mut combine = Function::new("combine", inputs);
     let Query { p, .. } = Query::first(composer.arena);
     let (at, n) = (p, composer.arena.f(0.0));
-    let palette = &composer.graph.look.palette;
+    let palette = &composer.graph.scene.look.palette;
     let field = FieldBuilder { composer, specs: &specs, choices, leaves: Some(&leaves), purpose, at, n, palette };
     field.outputs(&mut combine)?;
     drop_unread(composer.arena, &mut orbits, &combine);
@@ -197,7 +197,7 @@ pub(super) fn shape_at<'g>(
     n: Expr<'g>,
 ) -> ComposeResult<Expr<'g>> {
     let purpose = Purpose::Estimate;
-    let palette = &composer.graph.look.palette;
+    let palette = &composer.graph.scene.look.palette;
     let builder = FieldBuilder { composer, specs: &[], choices: &[], leaves: None, purpose, at: z, n, palette };
     Ok(builder.value(field, &Frame::default())?.d)
 }
@@ -250,7 +250,7 @@ impl<'g> FieldBuilder<'_, 'g> {
             NodeKind::Orbit { of, .. } => part.node == of || part.node == node,
             _ => part.node == node,
         };
-        match graph.look.parts.iter().find(is_it) {
+        match graph.scene.look.parts.iter().find(is_it) {
             Some(part) => FieldBuilder { palette: &part.palette, ..*self }.value_of(node, frame),
             None => self.value_of(node, frame),
         }
@@ -259,9 +259,9 @@ impl<'g> FieldBuilder<'_, 'g> {
     /// The colour of the part that is looked up, where parts have colours of their own.
     fn albedo(&self, trap: Option<Expr<'g>>) -> Option<Expr<'g>> {
         let graph = self.composer.graph;
-        let trap = trap.filter(|_| !graph.look.parts.is_empty())?;
-        let across = graph.plane.map(|plane| cross(plane.right, plane.up));
-        Some(paint(&graph.look, self.palette, usable_trap(trap), across))
+        let trap = trap.filter(|_| !graph.scene.look.parts.is_empty())?;
+        let across = graph.scene.plane.map(|plane| cross(plane.right, plane.up));
+        Some(paint(&graph.scene.look, self.palette, usable_trap(trap), across))
     }
 
     fn value_of(&self, node: NodeRef, frame: &Frame) -> ComposeResult<FieldValue<'g>> {

@@ -254,7 +254,7 @@ pub(super) fn compose_orbit(
 ) -> ComposeResult<Orbit> {
     let width = composer.graph.state_width(root, settings);
     let mut carried = Carried::of(choice, purpose);
-    carried.traps &= composer.graph.look.reads_traps();
+    carried.traps &= composer.graph.scene.look.reads_traps();
     let builder = OrbitBuilder { composer, settings, root, frame, width, carried, choice, purpose };
     let is_proof = choice.method.is_certified() && purpose != Purpose::Surface;
     match is_proof && !(purpose == Purpose::Truth && builder.follows_footprint()) {
@@ -420,7 +420,7 @@ impl<'a> OrbitBuilder<'a> {
         let input = Moved { z: state.z, dr: state.dr };
         let mut memory = state.memory(None);
         if let Some(trap) = state.trap {
-            let folds = self.composer.graph.look.folds();
+            let folds = self.composer.graph.scene.look.folds();
             memory.sides = folds.map(|(i, axis)| (axis, trap.component(i as u8))).collect();
         }
         let moved = apply(self.composer, &item.map, input, c, n, &mut memory)?;

@@ -79,7 +79,7 @@ impl<'a> OrbitBuilder<'a> {
     /// The traps after an iteration that ended in z; `n` is its number from 0, and `sides` are those of the folds that are followed.
     pub(super) fn trapped(&self, trap: Expr<'a>, z: Expr<'a>, n: Expr<'a>, sides: &[(u8, Expr<'a>)]) -> Expr<'a> {
         let arena = self.composer.arena;
-        let traps = &self.composer.graph.look.traps;
+        let traps = &self.composer.graph.scene.look.traps;
         let z = z.xyz();
         if *traps == TRAPS {
             let sizes = z.abs().components();

@@ -41,7 +41,7 @@ pub(super) fn compose_soft_surface(composer: &Composer, choices: &[Choice]) -> C
     let (own, corners) = leaves.split_at(specs.len());
     let mut combine = Function::new("combine", inputs);
     let field = |leaves, purpose, at| {
-        let (specs, n, palette) = (&specs[..], arena.f(0.0), &composer.graph.look.palette);
+        let (specs, n, palette) = (&specs[..], arena.f(0.0), &composer.graph.scene.look.palette);
         let field = FieldBuilder { composer, specs, choices, leaves: Some(leaves), purpose, at, n, palette };
         field.value(composer.graph.output, &Default::default())
     };

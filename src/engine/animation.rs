@@ -69,10 +69,12 @@ impl<'a> Animation<'a> {
             let request = Request { camera, ..self.request.clone() };
             let settling = Settling { library: self.library, arena: &arena, request: &request };
             let graph = match base {
-                Some(camera) if graph.camera.is_none() && graph.plane.is_none() => graph.with_camera(camera),
+                Some(camera) if graph.scene.camera.is_none() && graph.scene.plane.is_none() => {
+                    graph.with_camera(camera)
+                }
                 _ => settling.framed(graph)?.graph,
             };
-            base = base.or(graph.camera);
+            base = base.or(graph.scene.camera);
             self.graphs.push(settling.viewed(graph)?.graph);
         }
         Ok(())

@@ -63,7 +63,7 @@ impl Job {
             version: env!("CARGO_PKG_VERSION").to_string(),
             formula,
             request,
-            camera: settled.graph.camera,
+            camera: settled.graph.scene.camera,
             iterations: settled.iterations,
             precision: settled.precision,
             plan: settled.calibration.plan.clone(),
@@ -92,8 +92,8 @@ impl Job {
     /// The graph as the picture shows it.
     pub fn graph(&self) -> ValidGraph {
         let mut graph = self.formula.graph().clone();
-        if let Some(camera) = self.camera.filter(|camera| graph.camera != Some(*camera)) {
-            let is_moved = graph.camera.is_some();
+        if let Some(camera) = self.camera.filter(|camera| graph.scene.camera != Some(*camera)) {
+            let is_moved = graph.scene.camera.is_some();
             graph = graph.with_camera(camera);
             if is_moved {
                 graph = graph.without_calibration();

@@ -67,7 +67,7 @@ impl<'a> Settling<'a> {
 
     /// The graph with a camera: the file's, or one that frames what is there. Graphs of a plane stay as they are.
     pub fn framed(&self, graph: ValidGraph) -> Result<Viewed, Error> {
-        if graph.plane.is_some() || graph.camera.is_some() {
+        if graph.scene.plane.is_some() || graph.scene.camera.is_some() {
             return Ok(Viewed { graph, plan: None });
         }
         let plan = self.plan(&graph)?;
@@ -78,12 +78,12 @@ impl<'a> Settling<'a> {
     /// The graph with the camera that is wanted.
     pub fn viewed(&self, graph: ValidGraph) -> Result<Viewed, Error> {
         let change = &self.request.camera;
-        if graph.plane.is_some() && !change.is_empty() {
+        if graph.scene.plane.is_some() && !change.is_empty() {
             let text = format!("a picture of `{}` shows a plane, which has no camera", graph.name);
             return Err(Error::request(text, "place the plane: --set 'plane=(center: (-0.5, 0.0), height: 2.5)'"));
         }
         let viewed = self.framed(graph)?;
-        match viewed.graph.camera.filter(|_| !change.is_empty()) {
+        match viewed.graph.scene.camera.filter(|_| !change.is_empty()) {
             None => Ok(viewed),
             // What the file's estimate was calibrated on is not seen any more.
             Some(base) => {
@@ -170,11 +170,11 @@ impl<'a> Settling<'a> {
         let told = |observer: &mut dyn Observer| {
             warnings.iter().for_each(|warning| observer.warn(warning_of(warning)));
         };
-        let camera = graph.camera.unwrap_or_else(|| crate::calibrate::camera_of(&subject));
-        let is_inside = graph.plane.is_none() && self.warns_of_inside(&subject, &camera, observer)?;
+        let camera = graph.scene.camera.unwrap_or_else(|| crate::calibrate::camera_of(&subject));
+        let is_inside = graph.scene.plane.is_none() && self.warns_of_inside(&subject, &camera, observer)?;
         // Points of a plane need no step multiplier, and no ray misses them; from inside of the set none goes anywhere.
-        if graph.plane.is_some() || is_inside || !self.request.calibrate {
-            if self.request.estimate.quality.is_some() && graph.plane.is_none() && !is_inside {
+        if graph.scene.plane.is_some() || is_inside || !self.request.calibrate {
+            if self.request.estimate.quality.is_some() && graph.scene.plane.is_none() && !is_inside {
                 let help = "drop one of them, or name a proof: `--de certified-ball`";
                 let text = "`--quality` is for the measured choice, which `--calibrate off` switches off";
                 return Err(Error::request(text, help));
@@ -202,7 +202,7 @@ impl<'a> Settling<'a> {
         Options {
             budget: self.request.budget,
             wanted: self.request.estimate,
-            camera: subject.graph.camera.unwrap_or_else(|| crate::calibrate::camera_of(subject)),
+            camera: subject.graph.scene.camera.unwrap_or_else(|| crate::calibrate::camera_of(subject)),
             size: self.request.size,
             precision,
             effort: self.request.effort,

@@ -6,13 +6,12 @@
 
 mod budget;
 pub(crate) mod escape;
-mod fields;
-mod look;
 mod nodes;
 mod overrides;
 mod presets;
 pub mod print;
 mod read;
+pub(crate) mod scene;
 mod schedule;
 pub mod script;
 mod settings;
@@ -21,15 +20,14 @@ mod validate;
 mod widths;
 
 pub use escape::Escape;
-pub use look::{Look, Palette, Part, TRAPS, Trap};
 pub use overrides::Override;
 pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
+pub use scene::{Camera, Look, Palette, Part, Plane, Scene, TRAPS, Trap};
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
-    CALIBRATED_ROWS, Camera, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, IterationLimit,
-    Join, LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, MOST_STEPS, Method, NO_ESCAPE, OrbitSettings, Plane, Quality,
-    StopAt,
+    CALIBRATED_ROWS, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, IterationLimit, Join,
+    LEAST_STEP, LEAST_STEP_OF_PROOFS, Levels, MOST_STEPS, Method, NO_ESCAPE, OrbitSettings, Quality, StopAt,
 };
 pub use tests_of_formula::{FormulaTest, Symmetry, TestKind, TestPoint};
 pub use validate::ValidGraph;
@@ -43,7 +41,7 @@ use crate::formula::step::{ParamValue, Step};
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
 pub struct NodeRef(pub usize);
 
-/// A fractal: nodes, what is drawn of them, and how.
+/// A formula: nodes, the settings of its orbits, its tests; and its default scene.
 #[derive(Clone)]
 pub struct Graph {
     /// Name; the file's where it gives none.
@@ -66,16 +64,12 @@ pub struct Graph {
     pub output: NodeRef,
     /// How orbits that say nothing else are iterated.
     pub orbit: OrbitSettings,
-    /// Where to look from; found automatically where absent.
-    pub camera: Option<Camera>,
-    /// The plane that pictures show; absent where they are seen through the camera.
-    pub plane: Option<Plane>,
     /// Radius of a ball around the origin that holds everything; found automatically where absent.
     pub bounding_radius: Option<f64>,
     /// Whether that is meant to cut off what is beyond.
     pub cuts: bool,
-    /// Light and colour.
-    pub look: Look,
+    /// What pictures show of it by default.
+    pub scene: Scene,
     /// Named sets of values that the file offers.
     pub presets: Vec<Preset>,
     /// The file's own tests.

@@ -23,11 +23,11 @@ pub fn listing(graph: &Graph) -> String {
 /// The same, with the file's colours.
 pub fn listing_with_look(graph: &Graph) -> String {
     let mut text = listing(graph);
-    if graph.look.traps != TRAPS {
-        let traps: Vec<String> = graph.look.traps.iter().flatten().map(|trap| format!("{trap:?}")).collect();
+    if graph.scene.look.traps != TRAPS {
+        let traps: Vec<String> = graph.scene.look.traps.iter().flatten().map(|trap| format!("{trap:?}")).collect();
         let _ = writeln!(text, "  traps {}", traps.join(", "));
     }
-    for part in &graph.look.parts {
+    for part in &graph.scene.look.parts {
         let _ = writeln!(text, "  part {} palette {:?}", graph.node(part.node).name, part.palette);
     }
     text

@@ -6,11 +6,10 @@ use std::collections::HashMap;
 
 use rhai::Scope;
 
-use super::fields::read_plane;
-use super::look::read_look;
 use super::overrides::{Override, apply_override};
 use super::presets::read_presets;
-use super::settings::{Camera, Constant, EndShape, IterationLimit, NO_ESCAPE, OrbitSettings};
+use super::scene::read_scene;
+use super::settings::{Constant, EndShape, IterationLimit, NO_ESCAPE, OrbitSettings};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
 use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
@@ -109,12 +108,9 @@ impl Reader<'_> {
             None => self.default_output(&nodes, fields.span()),
         };
         let orbit = self.orbit_settings(&mut fields, &OrbitSettings::default());
-        let camera = fields.optional_value("camera").and_then(|v| self.camera(v));
-        let plane = fields.optional_value("plane").and_then(|v| read_plane(self, v));
         let bounding_radius = fields.optional_value("bounding_radius").and_then(|v| self.number(v, 1e-6, 1e6));
         let cuts = fields.or("cuts", false, self.d);
-        let look = fields.optional_value("look");
-        let look = look.and_then(|v| read_look(self, v)).unwrap_or_default();
+        let scene = read_scene(self, &mut fields);
         let presets = fields.optional_value("presets").map(|v| read_presets(v, self.d)).unwrap_or_default();
         let test_values: Vec<Value> = fields.or("tests", Vec::new(), self.d);
         let tests = test_values.iter().filter_map(|v| read_test(self, v)).collect();
@@ -131,11 +127,9 @@ impl Reader<'_> {
             nodes: nodes?,
             output: output?,
             orbit,
-            camera,
-            plane,
             bounding_radius,
             cuts,
-            look,
+            scene,
             presets,
             tests,
         })
@@ -422,31 +416,6 @@ impl Reader<'_> {
         self.d
             .push(Diagnostic::error(message).label(value.span, "").help(format!("choose one of: {}", list.join(", "))));
         None
-    }
-
-    fn camera(&mut self, value: &Value) -> Option<Camera> {
-        let mut fields = Fields::new(value, "a camera", self.d)?;
-        let position = fields.optional_value("position");
-        let target = fields.optional_value("target").and_then(|v| self.vector(v, -1e9, 1e9)).unwrap_or([0.0; 3]);
-        let up = fields.optional_value("up").and_then(|v| self.direction(v)).unwrap_or([0.0, 0.0, 1.0]);
-        let fov = fields.optional_value("fov").and_then(|v| self.number(v, 0.001, 175.0)).unwrap_or(40.0);
-        let span = fields.span();
-        fields.finish(self.d);
-        let Some(position) = position else {
-            self.d.push(Diagnostic::error("a camera needs a `position`").label(span, ""));
-            return None;
-        };
-        let position = self.vector(position, -1e9, 1e9)?;
-        let view = [0, 1, 2].map(|i| target[i] - position[i]);
-        let side = cross(view, up);
-        if dot(side, side) <= 1e-12 * dot(view, view) {
-            let message = "the camera's position, target and up direction lie on one line";
-            self.d.push(
-                Diagnostic::error(message).label(value.span, "").help("move the position, or choose another `up`"),
-            );
-            return None;
-        }
-        Some(Camera { position, target, up, fov: fov.to_radians() })
     }
 
     pub(super) fn unknown_node(&mut self, name: &Name) {

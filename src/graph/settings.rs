@@ -1,4 +1,4 @@
-//! How orbits are iterated and pictures are taken: the settings of a fractal file.
+//! How orbits are iterated: the settings of a fractal file.
 
 use serde::{Deserialize, Serialize};
 
@@ -466,30 +466,4 @@ impl OrbitSettings {
     pub fn never_escape(&mut self) {
         (self.escape, self.escape_radius) = (Escape::Length, NO_ESCAPE);
     }
-}
-
-/// A perspective camera.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Camera {
-    /// Position in world units.
-    pub position: [f64; 3],
-    /// The point in the middle of the picture.
-    pub target: [f64; 3],
-    /// Roughly upwards.
-    pub up: [f64; 3],
-    /// Angle from the bottom to the top of the picture, in radians.
-    pub fov: f64,
-}
-
-/// A rectangle of a plane through space, which a picture shows instead of a camera's view.
-#[derive(Clone, Copy, PartialEq, Debug)]
-pub struct Plane {
-    /// The point in the middle of the picture.
-    pub center: [f64; 3],
-    /// From its bottom to its top, in world units.
-    pub height: f64,
-    /// Unit vector to the right of the picture.
-    pub right: [f64; 3],
-    /// Unit vector to its top, across `right`.
-    pub up: [f64; 3],
 }

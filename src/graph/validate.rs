@@ -277,7 +277,7 @@ fn check_parts(graph: &Graph, d: &mut Diagnostics) {
             kind => open.extend(kind.wires()),
         }
     }
-    for part in graph.look.parts.iter().filter(|part| !shown.contains(&part.node)) {
+    for part in graph.scene.look.parts.iter().filter(|part| !shown.contains(&part.node)) {
         let mut names: Vec<&str> = shown.iter().map(|node| graph.node(*node).name.as_str()).collect();
         names.retain(|name| !name.contains([' ', '/']));
         names.sort_unstable();
@@ -322,14 +322,14 @@ impl ValidGraph {
     /// The same graph seen from elsewhere; `camera`'s position, target and up direction must not lie on one line.
     #[must_use]
     pub fn with_camera(mut self, camera: Camera) -> ValidGraph {
-        self.0.camera = Some(camera);
+        self.0.scene.camera = Some(camera);
         self
     }
 
     /// The same graph with pictures through a camera: the solid that a plane cuts.
     #[must_use]
     pub fn without_plane(mut self) -> ValidGraph {
-        self.0.plane = None;
+        self.0.scene.plane = None;
         self
     }
 

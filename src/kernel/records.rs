@@ -265,6 +265,30 @@ record! {
 }
 
 record! {
+    /// What a surface is made of. Names and meanings are those of glTF 2.0 (`KHR_materials_*`) and OpenPBR 1.1.
+    pub struct Matter {
+        /// Base colour, linear: the albedo of what is no metal, the reflectance along the normal of what is.
+        base: V3,
+        /// From 0 (dielectric) to 1 (metal).
+        metallic: F,
+        /// From 0 (mirror) to 1 (matte); its square is the width of the microfacets' distribution.
+        roughness: F,
+        /// Weight of the dielectric reflection, from 0 to 1.
+        specular: F,
+        /// Share of the light that enters and is not scattered back, from 0 to 1.
+        transmission: F,
+        /// Index of refraction, at least 1.
+        ior: F,
+        /// Weight of a clear coat, from 0 to 1.
+        coat: F,
+        /// Roughness of the coat, from 0 to 1.
+        coat_roughness: F,
+        /// Radiance that it emits, linear, at least 0.
+        emission: V3,
+    }
+}
+
+record! {
     /// A linear colour.
     pub struct Colour {
         /// Red, green and blue from 0 to 1.

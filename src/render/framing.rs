@@ -36,7 +36,7 @@ const OF_ENDLESS: f64 = 10.0;
 
 /// The file's camera, or one that frames what is there.
 pub fn camera_of(composer: &Composer, plan: &Plan) -> Camera {
-    match composer.graph.camera {
+    match composer.graph.scene.camera {
         Some(camera) => camera,
         // Whatever cannot be composed is told by whoever renders it.
         None => automatic_camera(composer, plan).unwrap_or_else(|_| frame_automatically(plan.bounding_radius)),
@@ -204,7 +204,8 @@ impl Iterations {
             IterationLimit::OfView => true,
         };
         let orbits = field_orbits(composer);
-        composer.graph.plane.is_none() && orbits.iter().any(|orbit| orbit.settings.shape.is_none() && follows(orbit))
+        composer.graph.scene.plane.is_none()
+            && orbits.iter().any(|orbit| orbit.settings.shape.is_none() && follows(orbit))
     }
 
     /// The smallest limit at which a sample of the picture stands still. `is_own` says that the view is the file's: what its

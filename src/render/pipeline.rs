@@ -93,13 +93,13 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     if !settings.early_ends {
         plan = plan.with_late_ends();
     }
-    if let Some(plane) = &composer.graph.plane {
+    if let Some(plane) = &composer.graph.scene.plane {
         return compose_plane(composer, plane, settings, &plan);
     }
     let camera = camera_of(composer, &plan);
     let develop = Develop::SOLID;
     // Files state what the background looks like, and light is mixed with light.
-    let own = &composer.graph.look;
+    let own = &composer.graph.scene.look;
     let look = &Look { background: own.background.map(|shown| develop.radiance_of(shown)), ..own.clone() };
     let arena = composer.arena;
     let frame = CameraFrame::new(&camera);
@@ -152,7 +152,7 @@ fn compose_sun(
     (camera, bounds): (&Camera, &Bounds),
     march: &MarchSettings,
 ) -> Result<Slot, Diagnostic> {
-    let (arena, look) = (composer.arena, &composer.graph.look);
+    let (arena, look) = (composer.arena, &composer.graph.scene.look);
     let sun = shade::sun_direction(look, &CameraFrame::new(camera));
     let threshold = shade::Threshold { pixel_radius: march.pixel_radius, fixed: march.hit_eps };
     let skipped = if settings.plain { 0.0 } else { SKIPPED };

@@ -17,7 +17,7 @@ pub(super) fn compose_plane(
     settings: &RenderSettings,
     plan: &Plan,
 ) -> Result<Pipeline, Diagnostic> {
-    let (arena, look) = (composer.arena, &composer.graph.look);
+    let (arena, look) = (composer.arena, &composer.graph.scene.look);
     let plan = still_plan(plan);
     let pixel_radius = shade::pixel_size(plane, settings.size) / 2.0;
     let march = MarchSettings {

@@ -227,7 +227,7 @@ fn wide_views_from_within_lose_nothing() {
                 let pipeline = pipeline(&subject, &settings, &plan);
                 Backends::cpu_only().depths(target, subject.arena, &pipeline, &settings).unwrap()
             });
-            let footprint = 2.0 * pixel_radius(&subject.graph.camera.unwrap(), size);
+            let footprint = 2.0 * pixel_radius(&subject.graph.scene.camera.unwrap(), size);
             let differ = |(a, b): &(&Option<f64>, &Option<f64>)| match (a, b) {
                 (Some(a), Some(b)) => (*a - *b).abs() > footprint * *a,
                 (a, b) => a.is_some() != b.is_some(),

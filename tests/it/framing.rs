@@ -100,7 +100,7 @@ fn limits(graph: &ValidGraph) -> Vec<u32> {
 fn close_views_of_built_ins_get_the_iterations_that_they_need() {
     let formula = Formula::builtin("mandelbulb").unwrap();
     let subject = formula.subject();
-    let own = formula.graph().camera.unwrap();
+    let own = formula.graph().scene.camera.unwrap();
     let direction = (DVec3::from(own.target) - DVec3::from(own.position)).normalize();
     let depth = formula.ray(own.position, direction.to_array()).expect("the middle of the picture hits");
     let hit = DVec3::from(own.position) + direction * depth;

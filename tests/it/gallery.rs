@@ -137,7 +137,7 @@ fn every_fractal_is_pictured_and_described() {
         if graph.tests.len() < 2 {
             wrong.push(format!("{name}: {} tests", graph.tests.len()));
         }
-        if graph.camera.is_none() && graph.plane.is_none() {
+        if graph.scene.camera.is_none() && graph.scene.plane.is_none() {
             wrong.push(format!("{name}: neither camera nor plane"));
         }
         let path = docs.join("thumbnails").join(format!("{name}.jpg"));

@@ -39,7 +39,7 @@ impl Place {
     /// The point that the middle of the file's view shows, to the last digit.
     fn of(name: &str) -> Place {
         let formula = Formula::builtin(name).unwrap();
-        let camera = formula.graph().camera.expect("the file frames its fractal");
+        let camera = formula.graph().scene.camera.expect("the file frames its fractal");
         let frame = CameraFrame::new(&camera);
         let offsets = (0..40).map(|k| f64::from(k) * 0.01);
         let aimed = offsets.map(|s| [0, 1, 2].map(|i| frame.forward[i] + frame.right[i] * s));

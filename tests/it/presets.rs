@@ -35,14 +35,14 @@ fn changed(text: &str, set: &[(&str, &str)]) -> Result<Formula, String> {
 fn a_preset_is_its_values_and_single_values_win() {
     let plain = changed(BULB, &[]).unwrap();
     assert_eq!((plain.graph().params[0].value, plain.graph().orbit.max_iterations), (8.0, 20));
-    assert!(plain.graph().camera.is_none());
+    assert!(plain.graph().scene.camera.is_none());
     let four = changed(BULB, &[("preset", "four")]).unwrap();
     assert_eq!((four.graph().params[0].value, four.graph().orbit.max_iterations), (4.0, 5));
-    assert_eq!(four.graph().camera.unwrap().position, [0.0, -4.0, 0.0]);
+    assert_eq!(four.graph().scene.camera.unwrap().position, [0.0, -4.0, 0.0]);
     // The order of the command line does not matter.
     let three = changed(BULB, &[("power", "3"), ("preset", "\"four\"")]).unwrap();
     assert_eq!((three.graph().params[0].value, three.graph().orbit.max_iterations), (3.0, 5));
-    assert_eq!(changed(BULB, &[("preset", "grey")]).unwrap().graph().look.fog, 0.5);
+    assert_eq!(changed(BULB, &[("preset", "grey")]).unwrap().graph().scene.look.fog, 0.5);
     // 2 to the power 4 and 2 again is 18.
     assert_eq!(four.orbit([0.0, 0.0, 2.0], 1)[2], 18.0);
 }

@@ -273,8 +273,8 @@ fn paths_reach_every_part_of_a_file() {
         ("nodes.turn.axis.0", "1"),
     ])
     .unwrap_or_else(|text| panic!("{text}"));
-    let camera = graph.camera.expect("a camera");
-    assert_eq!((graph.look.fog, graph.orbit.estimate.fudge, graph.params[0].value), (0.3, Some(0.5), 12.0));
+    let camera = graph.scene.camera.expect("a camera");
+    assert_eq!((graph.scene.look.fog, graph.orbit.estimate.fudge, graph.params[0].value), (0.3, Some(0.5), 12.0));
     assert_eq!((camera.fov, camera.position), (60f64.to_radians(), [2.0, -3.0, 1.0]));
     for (path, expected) in [
         ("look.fgo", "did you mean `fog`?"),

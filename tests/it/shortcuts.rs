@@ -50,7 +50,7 @@ fn depths(formula: &Formula, settings: &RenderSettings) -> Vec<Option<f64>> {
 }
 
 fn footprint(formula: &Formula) -> f64 {
-    let camera = formula.graph().camera.unwrap_or_else(|| frame_automatically(formula.plan().bounding_radius));
+    let camera = formula.graph().scene.camera.unwrap_or_else(|| frame_automatically(formula.plan().bounding_radius));
     2.0 * pixel_radius(&camera, SIZE)
 }
 
@@ -84,7 +84,7 @@ fn complaints<T: Send>(cases: &Cases, test: impl Fn(&str, &Formula) -> Option<T>
                         break;
                     }
                     let (name, formula) = formula(i);
-                    if formula.graph().plane.is_none() {
+                    if formula.graph().scene.plane.is_none() {
                         found.lock().unwrap().extend(test(&name, &formula));
                     }
                 }
@@ -159,7 +159,7 @@ fn early(formula: &Formula) -> (usize, usize) {
     let subject = formula.subject();
     let composer = subject.composer();
     let plan = formula.plan();
-    let camera = formula.graph().camera.unwrap_or_else(|| frame_automatically(plan.bounding_radius));
+    let camera = formula.graph().scene.camera.unwrap_or_else(|| frame_automatically(plan.bounding_radius));
     let scale = Scale::of_view(&camera, SIZE, plan.bounding_radius);
     let rays = view_rays(&camera, SIZE, 150, 4);
     let truths =

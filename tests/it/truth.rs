@@ -16,7 +16,7 @@ use crate::support::{bulbfold, folder, stderr, stdout};
 const SIZE: Size = Size { width: 160, height: 120 };
 
 fn camera(formula: &Formula) -> Camera {
-    formula.graph().camera.unwrap_or_else(|| frame_automatically(formula.plan().bounding_radius))
+    formula.graph().scene.camera.unwrap_or_else(|| frame_automatically(formula.plan().bounding_radius))
 }
 
 fn truths(formula: &Formula, count: usize) -> Truths {

@@ -121,7 +121,7 @@ fn a_short_estimate_is_walked_on_from_and_costs_steps() {
 fn proofs_say_what_is_proven() {
     let formula = Formula::builtin("mandelbulb").unwrap();
     let estimate = EstimateSettings { method: Some(Method::Certified), ..automatic() };
-    let camera = formula.graph().camera.unwrap();
+    let camera = formula.graph().scene.camera.unwrap();
     let shown = shown_on(&formula, View::Confidence, estimate, camera, Precision::F64);
     let counts: Vec<usize> = (0..shown.classes.len()).map(|i| shown.count(i)).collect();
     assert_eq!(shown.classes[0].name, "proven empty");
@@ -171,7 +171,7 @@ fn combined_says_which_slope_was_the_larger() {
     let formula = Formula::builtin("box_bulb").unwrap();
     let subject = formula.subject();
     let estimate = EstimateSettings { method: Some(Method::Combined), ..automatic() };
-    let camera = formula.graph().camera.unwrap();
+    let camera = formula.graph().scene.camera.unwrap();
     let both = shown_on(&formula, View::Method, estimate, camera, Precision::F64);
     let names: Vec<&str> = both.classes.iter().map(|c| c.name.as_str()).collect();
     assert!(names.contains(&"scalar, logarithmic") && names.contains(&"gradient, logarithmic"), "{names:?}");
@@ -201,7 +201,7 @@ fn combined_says_which_slope_was_the_larger() {
 #[test]
 fn both_precisions_show_the_same() {
     let formula = Formula::builtin("mandelbox").unwrap().without_calibration();
-    let camera = formula.graph().camera.unwrap();
+    let camera = formula.graph().scene.camera.unwrap();
     let [a, b] = [Precision::F64, Precision::F32].map(|p| shown_on(&formula, View::Steps, automatic(), camera, p));
     let near = a.pixels.iter().zip(&b.pixels).filter(|pair| match pair {
         (Pixel::Value(a), Pixel::Value(b)) => (a - b).abs() <= 2.0,

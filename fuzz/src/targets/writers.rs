@@ -36,7 +36,7 @@ pub fn writers(bytes: &[u8]) {
             other => Ok(fixed_plan(&composer, other)),
         };
         let Ok(plan) = plan else { return };
-        let camera = graph.camera.unwrap_or(CAMERA);
+        let camera = graph.scene.camera.unwrap_or(CAMERA);
         if salt(bytes) % 64 == 0 {
             let _ = automatic_camera(&composer, &plan);
         }

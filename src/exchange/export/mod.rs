@@ -119,7 +119,7 @@ pub fn export(composer: &Composer, plan: &Plan, camera: &Camera, target: Target)
     let body = bare_glsl(&written_glsl(&module, &info, version)?);
     Ok(Exported::Text(match target {
         Target::Shadertoy => {
-            format!("{header}{body}{}", shadertoy::picture(camera, &composer.graph.look, plan.bounding_radius))
+            format!("{header}{body}{}", shadertoy::picture(camera, &composer.graph.scene.look, plan.bounding_radius))
         }
         Target::Fragmentarium => fragmentarium(&header, &body, composer, camera),
         _ => format!("{header}{body}"),
@@ -194,7 +194,7 @@ fn header(composer: &Composer, plan: &Plan, target: Target) -> String {
     let methods: Vec<&str> = plan.choices.iter().map(|choice| choice.method.name()).collect();
     lines.push(format!("Estimate: {}; step multiplier {}", methods.join(", "), plan.fudge));
     lines.push(format!("Everything lies within {} of the origin. {}", plan.bounding_radius, target.usage()));
-    if target == Target::Shadertoy && (graph.look.traps != TRAPS || !graph.look.parts.is_empty()) {
+    if target == Target::Shadertoy && (graph.scene.look.traps != TRAPS || !graph.scene.look.parts.is_empty()) {
         lines.push("The picture has one colour: those of parts and of traps are not written.".to_string());
     }
     lines.push(format!("Written by bulbfold {}.", env!("CARGO_PKG_VERSION")));

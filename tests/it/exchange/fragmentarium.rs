@@ -44,7 +44,7 @@ fn a_preset_of_a_shader_is_chosen() {
     let formula = imported("anything.frag", SHADER, &[]);
     let value = |formula: &Formula, name: &str| formula.graph().params.iter().find(|p| p.name == name).unwrap().value;
     assert_eq!((value(&formula, "scale"), value(&formula, "min_radius")), (2.0, 0.5));
-    let camera = formula.graph().camera.unwrap();
+    let camera = formula.graph().scene.camera.unwrap();
     assert_eq!((camera.position, camera.up), ([1.0, -2.0, 3.0], [0.0, 0.0, 1.0]));
     // The picture's height at distance 1 is 2 * 0.5.
     assert!(((camera.fov / 2.0).tan() - 0.5).abs() < 1e-9);

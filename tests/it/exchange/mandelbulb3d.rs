@@ -70,7 +70,7 @@ fn hybrids_and_cameras_are_read() {
     assert!((formula.orbit([0.25, 0.0, 0.0], 2)[0] - 6.2104644775390625).abs() < 1e-9);
     let graph = formula.graph();
     assert_eq!((graph.orbit.max_iterations, graph.orbit.escape_radius), (60, 16.0));
-    let camera = graph.camera.unwrap();
+    let camera = graph.scene.camera.unwrap();
     assert!((camera.fov.to_degrees() - 40.0).abs() < 1e-9);
     assert_eq!(camera.up, [0.0, 0.0, 1.0]);
     // The plane, 480 steps of 2.1345 / (0.8 * 640) high, stands at y = -2, and 40 degrees see just that.

@@ -23,7 +23,7 @@ fn a_mandelbox_has_its_scale_and_limits() {
     let formula = imported("box.fract", &text, &[]);
     assert!(formula.inside([6.0, 6.0, 6.0]));
     assert!(!formula.inside([6.2, 0.0, 0.0]));
-    let camera = formula.graph().camera.unwrap();
+    let camera = formula.graph().scene.camera.unwrap();
     assert_eq!(camera.position, [9.0, -18.0, 9.0]);
     assert!((camera.fov.to_degrees() - 53.130102).abs() < 1e-5);
     assert_eq!(formula.graph().orbit.max_iterations, 12);
@@ -46,7 +46,7 @@ fn decimal_commas_are_points() {
     let text = settings("formula_1 2;\ncamera 1,5 -2,25 0,125;\nfov 0,5;", &["power 7,5;"]);
     let formula = imported("bulb.fract", &text, &[]);
     assert_eq!(formula.graph().params[0].value, 7.5);
-    assert_eq!(formula.graph().camera.unwrap().position, [1.5, -2.25, 0.125]);
+    assert_eq!(formula.graph().scene.camera.unwrap().position, [1.5, -2.25, 0.125]);
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn legacy_pictures_are_mirrored_with_their_camera() {
     let legacy = imported("old.fract", &settings(main, &["power 2;"]), &[]);
     let now =
         imported("new.fract", &settings(&main.replace("legacy_coordinate_system true;\n", ""), &["power 2;"]), &[]);
-    let camera = legacy.graph().camera.unwrap();
+    let camera = legacy.graph().scene.camera.unwrap();
     assert_eq!((camera.position, camera.target, camera.up), ([0.0, -3.0, -1.0], [0.0, 0.0, -0.25], [0.0, 0.0, 1.0]));
     let mut seen = [0, 0];
     for i in 0..400 {

@@ -24,7 +24,7 @@ fn said(name: &str, text: &str) -> (Option<i32>, String) {
 
 #[test]
 fn fields_of_view_are_degrees_since_2_21() {
-    let fov = |text: &str| imported("view.fract", text, &[]).graph().camera.unwrap().fov.to_degrees();
+    let fov = |text: &str| imported("view.fract", text, &[]).graph().scene.camera.unwrap().fov.to_degrees();
     assert!((fov(case!("fov28.fract")) - 30.0).abs() < 1e-9);
     assert!((fov(case!("fov62.fract")) - 61.93).abs() < 1e-9);
     for (version, stated, degrees) in
@@ -112,7 +112,7 @@ fn names_that_nobody_knows_stand_at_the_top() {
 #[test]
 fn the_main_light_is_numbered_since_2_25() {
     let light = |text: &str| {
-        let look = imported("light.fract", text, &[]).graph().look.clone();
+        let look = imported("light.fract", text, &[]).graph().scene.look.clone();
         (look.sun, look.sun_direction)
     };
     let (sun, direction) = light(case!("sun.fract"));

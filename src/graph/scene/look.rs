@@ -1,11 +1,11 @@
 //! Light and colour: what a picture's surfaces look like.
 
-use super::NodeRef;
 use super::fields::{read_colours, read_palette};
-use super::read::Reader;
 use crate::diag::{Diagnostic, Span};
 use crate::formula::decode::{Fields, entries};
 use crate::formula::value::{Value, ValueKind};
+use crate::graph::NodeRef;
+use crate::graph::read::Reader;
 
 /// Base colour, and those that the traps blend in. Colours are linear RGB.
 pub type Palette = [[f64; 3]; 5];
