@@ -6,14 +6,7 @@ use super::Session;
 
 /// The graph with all its settings and the texts of its steps. Comments, tests and descriptions do not show.
 pub fn graph_text(session: &Session, graph: &ValidGraph) -> String {
-    let mut text = format!(
-        "{}\n{:?} {:?} {:?}{}",
-        print::listing(graph),
-        graph.scene.camera,
-        graph.scene.look,
-        graph.bounding_radius,
-        graph.scene.plane.map(|plane| format!(" {plane:?}")).unwrap_or_default()
-    );
+    let mut text = format!("{}\n{:?} {:?}", print::listing(graph), graph.scene, graph.bounding_radius,);
     for node in &graph.nodes {
         match &node.kind {
             NodeKind::Step { step, .. } => text.push_str(session.library.sources.text(step.text)),

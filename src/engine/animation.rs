@@ -75,7 +75,9 @@ impl<'a> Animation<'a> {
                 _ => settling.framed(graph)?.graph,
             };
             base = base.or(graph.scene.camera);
-            self.graphs.push(settling.viewed(graph)?.graph);
+            let graph = settling.viewed(graph)?.graph;
+            // The light of the first frame's view lights all.
+            self.graphs.push(graph.at_home(base));
         }
         Ok(())
     }

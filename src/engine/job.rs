@@ -28,6 +28,8 @@ pub struct Job {
     pub request: Request,
     /// The view; none of a plane.
     pub camera: Option<Camera>,
+    /// The view that the file itself shows, where the camera has left it.
+    pub home: Option<Camera>,
     /// Limits of iterations, where they follow the view.
     pub iterations: Option<Iterations>,
     /// The precision.
@@ -64,6 +66,7 @@ impl Job {
             formula,
             request,
             camera: settled.graph.scene.camera,
+            home: settled.graph.scene.home,
             iterations: settled.iterations,
             precision: settled.precision,
             plan: settled.calibration.plan.clone(),
@@ -76,7 +79,7 @@ impl Job {
     /// views are alike.
     #[must_use]
     pub fn with_camera(&self, camera: Camera) -> Job {
-        Job { camera: Some(camera), composed: OnceLock::new(), ..self.clone() }
+        Job { camera: Some(camera), home: self.home.or(self.camera), composed: OnceLock::new(), ..self.clone() }
     }
 
     /// Columns and rows.
@@ -99,6 +102,7 @@ impl Job {
                 graph = graph.without_calibration();
             }
         }
+        graph = graph.at_home(self.home);
         self.iterations.map_or_else(|| graph.clone(), |found| found.apply(&graph))
     }
 

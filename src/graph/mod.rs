@@ -23,7 +23,10 @@ pub use escape::Escape;
 pub use overrides::Override;
 pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
-pub use scene::{Camera, Look, Palette, Part, Plane, Scene, TRAPS, Trap};
+pub use scene::{
+    Atmosphere, Camera, Cone, Environment, Glow, Light, LightKind, Look, Palette, Part, Plane, SUN_ANGLE, Scene, Space,
+    TRAPS, Trap,
+};
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{
     CALIBRATED_ROWS, Constant, DeForm, Difference, DifferenceStep, EndShape, EstimateSettings, IterationLimit, Join,

@@ -42,6 +42,10 @@ const FIELDS: &[&str] = &[
     "bounding_radius",
     "cuts",
     "look",
+    "light",
+    "environment",
+    "atmosphere",
+    "scene",
 ];
 
 /// Fields whose parts alone an override may set.

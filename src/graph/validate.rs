@@ -322,7 +322,14 @@ impl ValidGraph {
     /// The same graph seen from elsewhere; `camera`'s position, target and up direction must not lie on one line.
     #[must_use]
     pub fn with_camera(mut self, camera: Camera) -> ValidGraph {
-        self.0.scene.camera = Some(camera);
+        self.0.scene.move_camera(camera);
+        self
+    }
+
+    /// The same graph with the view that its file shows: what the lights of a look are fixed to, and nothing where the camera itself is.
+    #[must_use]
+    pub fn at_home(mut self, home: Option<Camera>) -> ValidGraph {
+        self.0.scene.home = home;
         self
     }
 

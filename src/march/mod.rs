@@ -5,17 +5,20 @@
 //! `locate`) and what to make of the answer (`advance`). Rules: a step is the estimate times `fudge`, at least
 //! `least_step` times the hit threshold; an estimate under the threshold whose point is still outside is walked on from, so only a point that is
 //! inside stops the ray; from there it bisects back to the boundary. Steps may be longer (see `relaxed`); many rays may share
-//! the first part of their way (see `beam`), and those to the sun need less (see `shadow`).
+//! the first part of their way (see `beam`), and those to lights need less (see `shadow`), and
+//! some only look around (see `near`).
 
 mod beam;
 mod certified;
+mod near;
 mod relaxed;
 mod shadow;
 mod still;
 
 pub use beam::{beam_plan, compose_beam_march};
 pub use certified::is_undecided;
-pub use shadow::{SKIPPED, compose_shadow_march, shadow_plan};
+pub use near::{LEAST_HEIGHT, closest, compose_corner_march, compose_passing_march, corner_plan, openness};
+pub use shadow::{Disc, SKIPPED, compose_shadow_march, shadow_plan, share_lit};
 pub use still::{compose_still, still_plan};
 
 use self::relaxed::Relaxed;

@@ -1,4 +1,4 @@
-//! The march of rays towards the sun, which only need to know whether they hit.
+//! The march of rays towards lights, which only need to know whether they hit, or how much of the light they miss.
 //!
 //! It does not bisect, its walk is as coarse as the default even where primary rays need a finer one, its threshold is twice
 //! theirs, and it ends where the set is near enough to hide a good part of the sun's disc, which a point at
@@ -6,13 +6,10 @@
 
 use super::{MarchSettings, Moment, compose_march, set_status, state_of, stop_at_crossing};
 use crate::compose::Plan;
-use crate::expr::Arena;
-use crate::graph::{LEAST_STEP, Method};
-use crate::kernel::records::Answer;
+use crate::expr::{Arena, Expr};
+use crate::graph::{LEAST_STEP, Light, LightKind, Method};
+use crate::kernel::records::{Answer, MarchState, Marched, is_known};
 use crate::kernel::{Estimator, March, Status};
-
-/// Radius of the sun's disc at distance 1.
-const SUN_RADIUS: f64 = 0.0047;
 
 /// Shortest step of a walk where estimates are proofs.
 const LEAST_STEP_OF_PROOFS: f64 = 1.0 / 16.0;
@@ -46,8 +43,9 @@ pub fn shadow_plan(plan: &Plan) -> Plan {
     plan
 }
 
-/// The march of shadow rays. The status says whether they hit; of the other columns only the counts mean anything.
-pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &MarchSettings) -> March {
+/// The march of shadow rays. The status says whether they hit; of the other columns only the counts and, of lights with soft edges,
+/// what [`share_lit`] reads mean anything.
+pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &MarchSettings, disc: Disc) -> March {
     let relaxation = if settings.relaxation > 1.0 { MOST } else { 1.0 };
     let shortest = if settings.certified { LEAST_STEP_OF_PROOFS } else { LEAST_STEP };
     let least_step = settings.least_step.max(shortest);
@@ -55,14 +53,92 @@ pub fn compose_shadow_march(arena: &Arena, estimator: Estimator, settings: &Marc
     let hit_eps = settings.hit_eps * COARSER;
     let most_step = settings.most_step * LONGER;
     let coarse = MarchSettings { least_step, most_step, pixel_radius, hit_eps, relaxation, ..*settings };
+    if disc.is_soft() {
+        return compose_soft_march(arena, estimator, &coarse, disc);
+    }
     let mut march = stop_at_crossing(arena, &compose_march(arena, estimator, &coarse));
     // Where proofs are short, nothing needs be near.
-    if settings.certified {
+    let Disc::Sharp(radius) = disc else { return march };
+    if settings.certified || radius == 0.0 {
         return march;
     }
     let (Moment { ray, state }, Answer { de, .. }, _) = Moment::advance(arena);
-    let hidden = arena.f(0.0).le(de).and((de * settings.fudge).lt((state.t - ray.t_near) * SUN_RADIUS));
+    let hidden = arena.f(0.0).le(de).and((de * settings.fudge).lt((state.t - ray.t_near) * radius));
     let other = state_of(arena, &march.advance).status;
     set_status(&mut march.advance, hidden.select(arena.f(Status::Hit.code()), other));
     march
 }
+
+/// How wide a light is as seen from a shadow ray.
+#[derive(Clone, Copy, PartialEq, Debug)]
+pub enum Disc {
+    /// It has sharp shadows: what hides a good part of a disc of this radius at distance 1 hides all of it.
+    Sharp(f64),
+    /// Its shadows have soft edges: the radius of its disc at distance 1.
+    Angle(f64),
+    /// The same of a ball of this radius at the end of the ray.
+    Ball(f64),
+}
+
+/// Radius at distance 1 below which a light has sharp shadows.
+const SHARP: f64 = 0.006;
+
+impl Disc {
+    /// The disc of a light.
+    pub fn of(light: &Light) -> Disc {
+        match light.kind {
+            LightKind::Sun { angle, .. } if (angle / 2.0).tan() <= SHARP => Disc::Sharp((angle / 2.0).tan()),
+            LightKind::Sun { angle, .. } => Disc::Angle((angle / 2.0).tan()),
+            LightKind::Lamp { radius: 0.0, .. } => Disc::Sharp(0.0),
+            LightKind::Lamp { radius, .. } => Disc::Ball(radius),
+        }
+    }
+
+    /// Whether a march gives shares instead of hits.
+    fn is_soft(self) -> bool {
+        !matches!(self, Disc::Sharp(_))
+    }
+}
+
+/// Share of a light that a shadow ray's start sees, from 0 to 1.
+pub fn share_lit<'g>(shadow: Marched<Expr<'g>>, light: &Light) -> Expr<'g> {
+    let (zero, one) = (shadow.t.lift(0.0), shadow.t.lift(1.0));
+    let is_hit = shadow.status.equals(shadow.status.lift(Status::Hit.code()));
+    if !Disc::of(light).is_soft() {
+        return is_hit.select(zero, one);
+    }
+    let nearest = is_known(shadow.t_outside).select(shadow.t_outside, one);
+    is_hit.select(zero, nearest.smoothstep(zero, one))
+}
+
+/// The march of shadow rays towards lights with soft edges: `t_outside` keeps how near the set came to the ray, as a share of the light's
+/// disc there (Quilez, 2010). It is over where the share is next to nothing.
+fn compose_soft_march(arena: &Arena, estimator: Estimator, settings: &MarchSettings, disc: Disc) -> March {
+    let mut march = compose_march(arena, estimator, settings);
+    let (now, Answer { de, inside }, mut function) = Moment::advance(arena);
+    let Moment { ray, state } = &now;
+    let (zero, one) = (arena.f(0.0), arena.f(1.0));
+    let usable = zero.le(de).select(de, zero);
+    let walk = now.hit_eps(settings) * settings.least_step;
+    let step = (usable * settings.fudge).max(walk);
+    let far = (state.t - ray.t_near) + walk;
+    let width = match disc {
+        Disc::Angle(radius) | Disc::Sharp(radius) => far * radius,
+        Disc::Ball(radius) => far * radius / (ray.t_far - ray.t_near).max(walk),
+    };
+    let share = (usable * settings.fudge / width.max(walk * 0.25)).min(one);
+    let least = is_known(state.t_outside).select(state.t_outside.min(share), share);
+    let hidden = inside.or(least.lt(arena.f(HIDDEN)));
+    let next = state.t + now.longest_step(settings).map_or(step, |longest| step.min(longest));
+    let forward = next.le(state.t).select(state.t + super::least_gap(&now, settings), next);
+    let over = ray.t_far.le(forward);
+    let code = |status: Status| arena.f(status.code());
+    let status = hidden.select(code(Status::Hit), over.select(code(Status::Miss), arena.f(Status::RUNNING)));
+    let after = MarchState { t: forward.min(ray.t_far), t_outside: least, last_de: usable, status, ..*state };
+    after.write(&mut function);
+    march.advance = function;
+    march
+}
+
+/// Share of a light's disc that is nothing.
+const HIDDEN: f64 = 0.02;

@@ -8,11 +8,11 @@ use super::RenderSettings;
 use super::passes::{Chain, Pass, Passes, Role, Slot};
 use crate::compose::{Bounds, ComposeResult, Composer, Plan, Purpose, compose_estimator};
 use crate::film::Tile;
-use crate::graph::{Camera, Look};
+use crate::graph::Camera;
 use crate::kernel::records::Marched;
 use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::{MarchSettings, beam_plan, compose_beam_march};
-use crate::shade::{self, pixel_radius};
+use crate::shade::{self, Lighting, pixel_radius};
 
 /// Edges of tiles in pixels: powers of two, falling.
 const EDGES: [u32; 5] = [32, 8, 4, 2, 1];
@@ -38,7 +38,7 @@ pub(super) fn compose_beams(
     passes: &mut Passes<Kernel>,
     composer: &Composer,
     plan: &Plan,
-    (camera, look): (&Camera, &Look),
+    (camera, lighting): (&Camera, &Lighting),
     (settings, bounds): (&RenderSettings, &Bounds),
     march: &MarchSettings,
 ) -> ComposeResult<Option<BeamTiles>> {
@@ -51,7 +51,7 @@ pub(super) fn compose_beams(
     passes.push(Role::BeamMarch, [Slot::Beams], Slot::BeamEnds, march);
     let begin = Kernel::Map(shade::compose_begin(arena, camera, size, bounds));
     passes.push(Role::Begin, [Slot::Begins], Slot::Rays, begin);
-    let background = Kernel::Map(shade::compose_background(arena, look, camera, size));
+    let background = Kernel::Map(shade::compose_background(arena, lighting, camera, size));
     passes.push(Role::Background, [Slot::Points], Slot::Backgrounds, background);
     Ok(Some(BeamTiles {
         pixel_radius: pixel_radius(camera, size),

@@ -7,6 +7,7 @@
 mod beams;
 mod checked;
 mod framing;
+mod further;
 mod meter;
 pub mod passes;
 mod picture;

@@ -33,6 +33,12 @@ pub enum Role {
     ShadowRay(u8),
     /// Rays towards a light to their ends.
     ShadowMarch(u8),
+    /// Surfaces to rays along their normals.
+    CornerRay,
+    /// Rays along normals to how open their places are.
+    CornerMarch,
+    /// Rays to how closely they pass.
+    PassingMarch,
     /// All of it to colours.
     Colour,
     /// Colours to bytes.
@@ -53,6 +59,9 @@ impl Role {
             Role::Surface => "surface",
             Role::ShadowRay(_) => "shadow_ray",
             Role::ShadowMarch(_) => "shadow_march",
+            Role::CornerRay => "corner_ray",
+            Role::CornerMarch => "corner_march",
+            Role::PassingMarch => "passing_march",
             Role::Colour => "colour",
             Role::Encode => "encode",
         }
@@ -84,12 +93,25 @@ pub enum Slot {
     ShadowRays(u8),
     /// What their march gave, [`Marched`].
     Shadows(u8),
+    /// [`Ray`]s along normals.
+    CornerRays,
+    /// What their march gave, [`Marched`].
+    Corners,
+    /// What a march of the picture's rays gave that looks how closely they pass, [`Marched`].
+    Passing,
     /// [`Colour`](crate::kernel::records::Colour)s.
     Colours,
     /// [`Colour`](crate::kernel::records::Colour)s of pixels where nothing is.
     Backgrounds,
     /// Encoded colours.
     Bytes,
+}
+
+impl Slot {
+    /// Whether it holds the ends of further rays than the picture's own, whose estimates are counted with those of shadows.
+    pub fn is_further_march(self) -> bool {
+        matches!(self, Slot::Shadows(_) | Slot::Corners | Slot::Passing)
+    }
 }
 
 /// A kernel (or what became of it), what it reads and what it writes.

@@ -3,16 +3,17 @@
 use super::beams::{BeamTiles, compose_beams};
 use super::checked::box_holds;
 use super::framing::camera_of;
+use super::further::Further;
 use super::passes::{Passes, Role, Slot};
 use super::plane::compose_plane;
 use super::{BeamUse, RenderSettings};
 use crate::compose::{Bounds, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::film::{Develop, compose_develop};
-use crate::graph::{Camera, Look, Plane};
+use crate::graph::{Camera, Plane};
 use crate::kernel::{Kernel, March};
-use crate::march::{MarchSettings, SKIPPED, compose_march, compose_shadow_march, shadow_plan};
-use crate::shade::{self, CameraFrame};
+use crate::march::{MarchSettings, compose_march};
+use crate::shade::{self, Lighting};
 
 /// Samples of a picture that a search for a box pays for.
 const LEAST_BOXED: u64 = 1 << 20;
@@ -79,9 +80,6 @@ pub struct Shape {
     pub passes: Passes<()>,
 }
 
-/// The sun: the only light so far.
-const SUN: u8 = 0;
-
 /// Composes the passes of a fractal's picture.
 pub fn compose_pipeline(composer: &Composer, settings: &RenderSettings) -> Result<Pipeline, Diagnostic> {
     compose_planned(composer, settings, choose(composer, &settings.estimate)?)
@@ -99,10 +97,11 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let camera = camera_of(composer, &plan);
     let develop = Develop::SOLID;
     // Files state what the background looks like, and light is mixed with light.
-    let own = &composer.graph.scene.look;
-    let look = &Look { background: own.background.map(|shown| develop.radiance_of(shown)), ..own.clone() };
+    let scene = &composer.graph.scene;
+    let lighting = Lighting::new(scene, &camera, plan.bounding_radius, |shown| develop.radiance_of(shown));
+    let lighting = lighting.map_err(|error| Diagnostic::error(error.to_string()))?;
+    let look = &scene.look;
     let arena = composer.arena;
-    let frame = CameraFrame::new(&camera);
     let pixel_radius = shade::pixel_radius(&camera, settings.size);
     let mut march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.precision);
     if settings.plain {
@@ -119,7 +118,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     passes.push(Role::Camera, [Slot::Points], Slot::Rays, Kernel::Map(camera_kernel));
     let tiles = match settings.plain || settings.beams == BeamUse::Off {
         true => None,
-        false => compose_beams(&mut passes, composer, &plan, (&camera, look), (settings, &bounds), &march)?,
+        false => compose_beams(&mut passes, composer, &plan, (&camera, &lighting), (settings, &bounds), &march)?,
     };
     passes.push(Role::March, [Slot::Rays], Slot::Ends, marched);
 
@@ -131,46 +130,14 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     passes.push(Role::Surface, [Slot::Queries], Slot::Surfaces, Kernel::Estimate(surface));
 
     let mut seen = vec![Slot::Rays, Slot::Ends, Slot::Surfaces];
-    if look.shadows {
-        seen.push(compose_sun(&mut passes, composer, &plan, settings, (&camera, &bounds), &march)?);
-    }
+    let further = Further { composer, plan: &plan, settings, camera: &camera, bounds: &bounds, march: &march };
+    seen.extend(further.compose(&mut passes, &lighting)?);
 
     // Everything to colours.
-    let colour = shade::compose_colour(arena, look, &frame, plan.bounding_radius, plan.is_certified());
+    let colour = shade::compose_colour(arena, look, &lighting);
     passes.push(Role::Colour, seen, Slot::Colours, Kernel::Map(colour));
     passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(compose_develop(arena, develop)));
     Ok(Pipeline { camera, bounds, plane: None, pixel_radius, tiles, passes, plan })
-}
-
-/// Adds the passes of the sun: rays towards it from what is seen, and their march as `march` says of primary rays. Gives the
-/// slot that says which of them hit.
-fn compose_sun(
-    passes: &mut Passes<Kernel>,
-    composer: &Composer,
-    plan: &Plan,
-    settings: &RenderSettings,
-    (camera, bounds): (&Camera, &Bounds),
-    march: &MarchSettings,
-) -> Result<Slot, Diagnostic> {
-    let (arena, look) = (composer.arena, &composer.graph.scene.look);
-    let sun = shade::sun_direction(look, &CameraFrame::new(camera));
-    let threshold = shade::Threshold { pixel_radius: march.pixel_radius, fixed: march.hit_eps };
-    let skipped = if settings.plain { 0.0 } else { SKIPPED };
-    let ray = shade::compose_shadow_ray(arena, (sun, look), threshold, bounds, skipped);
-    let seen = [Slot::Rays, Slot::Ends, Slot::Surfaces];
-    passes.push(Role::ShadowRay(SUN), seen, Slot::ShadowRays(SUN), Kernel::Map(ray));
-
-    let shadow = match settings.plain {
-        true => compose_march(arena, compose_estimator(composer, &plan.choices, Purpose::Estimate)?, march),
-        false => {
-            let plan = shadow_plan(plan);
-            let pixel_radius = shade::pixel_radius(camera, settings.size) * settings.detail;
-            let march = MarchSettings::of_plan(&plan, pixel_radius, settings.precision);
-            compose_shadow_march(arena, compose_estimator(composer, &plan.choices, Purpose::March)?, &march)
-        }
-    };
-    passes.push(Role::ShadowMarch(SUN), [Slot::ShadowRays(SUN)], Slot::Shadows(SUN), Kernel::March(shadow));
-    Ok(Slot::Shadows(SUN))
 }
 
 /// What a picture's rays are cut to: a box where one is wanted, proven and worth it, and rays end with it where they end without.

@@ -17,7 +17,7 @@ pub(super) fn compose_plane(
     settings: &RenderSettings,
     plan: &Plan,
 ) -> Result<Pipeline, Diagnostic> {
-    let (arena, look) = (composer.arena, &composer.graph.scene.look);
+    let arena = composer.arena;
     let plan = still_plan(plan);
     let pixel_radius = shade::pixel_size(plane, settings.size) / 2.0;
     let march = MarchSettings {
@@ -36,7 +36,7 @@ pub(super) fn compose_plane(
     passes.push(Role::SurfacePoint, [Slot::Rays, Slot::Ends], Slot::Queries, point);
     let surface = Kernel::Estimate(compose_estimator(composer, &plan.choices, Purpose::Surface)?);
     passes.push(Role::Surface, [Slot::Queries], Slot::Surfaces, surface);
-    let colour = Kernel::Map(shade::compose_plane_colour(arena, look, plane, settings.size));
+    let colour = Kernel::Map(shade::compose_plane_colour(arena, &composer.graph.scene, plane, settings.size));
     passes.push(Role::Colour, [Slot::Rays, Slot::Ends, Slot::Surfaces], Slot::Colours, colour);
     passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(compose_develop(arena, Develop::PLANE)));
     Ok(Pipeline {

@@ -85,7 +85,7 @@ struct Part<C> {
     pixels: Pixels,
     /// Linear colours.
     colours: C,
-    /// Their marches, and those towards each light; none where beams found nothing.
+    /// Their marches, and the further ones; none where beams found nothing.
     marches: Option<(C, Vec<C>)>,
 }
 
@@ -142,8 +142,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let mut prepare = |pass: &Pass<()>| prepare(pass.role);
         let mut chain = |given: &[Slot], wanted: &[Slot]| Chain::new(&shape.passes, given, wanted, &mut prepare);
         let points = if shape.tiles.is_some() { Slot::Begins } else { Slot::Points };
-        let lights = shape.passes.iter().map(|pass| pass.writes).filter(|slot| matches!(slot, Slot::Shadows(_)));
-        let shaded: Vec<Slot> = std::iter::once(Slot::Colours).chain(lights).collect();
+        let marches = shape.passes.iter().map(|pass| pass.writes).filter(|slot| slot.is_further_march());
+        let shaded: Vec<Slot> = std::iter::once(Slot::Colours).chain(marches).collect();
         let camera = chain(&[points], &[Slot::Rays])?;
         let march = chain(&[Slot::Rays], &[Slot::Ends])?;
         let shade = chain(&[Slot::Rays, Slot::Ends], &shaded)?;
@@ -344,7 +344,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let ends = timed(&mut stats.march, || passes::march(self.backend, &self.march, &rays))?;
         let given = [(Slot::Rays, &rays), (Slot::Ends, &ends)];
         let mut written = self.shade.run(self.backend, &given, |role, time| match role {
-            Role::ShadowMarch(_) => stats.shadow += time,
+            Role::ShadowMarch(_) | Role::CornerMarch | Role::PassingMarch => stats.shadow += time,
             _ => stats.shade += time,
         })?;
         let colours = written.take(Slot::Colours).expect("every picture has colours");

@@ -1,47 +1,55 @@
 //! Light and colour of a pixel.
 
-use super::{CameraFrame, Seen, is_hit, read_surface};
+use super::air::Air;
+use super::finish::Finish;
+use super::light::Incoming;
+use super::{Lighting, Seen, read_surface};
 use crate::compose::paint::{paint, usable_trap};
 use crate::expr::{Arena, Expr, Function, Inputs};
 use crate::graph::Look;
-use crate::kernel::records::{Colour, Marched, Painted};
+use crate::kernel::records::{Colour, Marched, Matter, Painted};
+use crate::march::{openness, share_lit};
 
-/// Steps of a march of proofs that count in full for occlusion; of more, only the logarithm does.
-const PLAIN_STEPS: f64 = 12.0;
+/// What the colour of a pixel is made of besides its ray, its end and its surface: marches of other rays.
+struct Others<'g> {
+    /// The march towards each light, where it casts shadows.
+    shadows: Vec<Option<Marched<Expr<'g>>>>,
+    /// The march along the normal, where corners are darkened.
+    corner: Option<Marched<Expr<'g>>>,
+    /// The march that finds how closely the ray passes the surface, where there is a glow.
+    passing: Option<Marched<Expr<'g>>>,
+}
 
-/// Ray, march, surface and (where shadows are on) shadow march to radiance: linear and without an upper end. The look's
-/// background is radiance here. Marches of proofs walk on in small steps where nothing is proven, and `by_proof` keeps those
-/// from darkening the picture.
-pub fn compose_colour(
-    arena: &Arena,
-    look: &Look,
-    frame: &CameraFrame,
-    bounding_radius: f64,
-    by_proof: bool,
-) -> Function {
-    let mut inputs = Inputs::new(arena);
-    let mut seen = Seen::read(&mut inputs);
-    let (surface, painted) = read_surface(&mut inputs, look);
-    let shadow = look.shadows.then(|| Marched::read_as("shadow_", &mut inputs));
-    let mut function = inputs.function("colour");
-    if by_proof {
-        seen.march.steps = (seen.march.steps * (1.0 / PLAIN_STEPS) + 1.0).ln() * PLAIN_STEPS;
+impl<'g> Others<'g> {
+    fn read(inputs: &mut Inputs<'g>, lighting: &Lighting) -> Others<'g> {
+        let lights = (0..).zip(&lighting.lights);
+        let shadows = lights.map(|(number, light): (u8, _)| {
+            light.shadows.then(|| Marched::read_as(&format!("shadow_{number}_"), inputs))
+        });
+        let shadows = shadows.collect();
+        let corner = (lighting.occlusion > 0.0).then(|| Marched::read_as("corner_", inputs));
+        let passing = lighting.atmosphere.glow.map(|_| Marched::read_as("glow_", inputs));
+        Others { shadows, corner, passing }
     }
-    let trap = usable_trap(surface.trap);
+}
+
+/// Ray, march, surface and further marches to radiance: linear and without an upper end.
+pub fn compose_colour(arena: &Arena, look: &Look, lighting: &Lighting) -> Function {
+    let mut inputs = Inputs::new(arena);
+    let seen = Seen::read(&mut inputs);
+    let (surface, painted) = read_surface(&mut inputs, look);
+    let others = Others::read(&mut inputs, lighting);
+    let mut function = inputs.function("colour");
     let normal = facing_normal(surface.gradient, seen.ray.direction);
-    let lit = shadow.map(|shadow| is_hit(shadow).select(arena.f(0.0), arena.f(1.0)));
     let albedo = match painted {
-        None => paint(look, &look.palette, trap, None),
+        None => paint(look, &look.palette, usable_trap(surface.trap), None),
         Some(Painted { albedo }) => albedo,
     };
-    let light = lighting(arena, look, frame, &seen, normal, trap, lit);
-    let background = background(arena, look, frame, seen.ray.direction);
-    let mut surface = albedo * light;
-    if look.fog > 0.0 {
-        let kept = (seen.march.t * (-look.fog / bounding_radius)).exp();
-        surface = background.mix(surface, kept);
-    }
-    Colour { colour: seen.is_hit().select(surface, background) }.write(&mut function);
+    let matter = Matter::of_colour(albedo);
+    let shown = reflected(arena, lighting, &seen, (normal, &matter), &others);
+    let background = lighting.background(arena, seen.ray.direction);
+    let air = Air { arena, lighting, seen: &seen, passing: others.passing };
+    Colour { colour: air.seen_through(shown, background) }.write(&mut function);
     function
 }
 
@@ -57,54 +65,26 @@ fn facing_normal<'g>(gradient: Expr<'g>, direction: Expr<'g>) -> Expr<'g> {
     turned.normalize()
 }
 
-/// Light that reaches the surface: sun, sky and a little bounced from below.
-fn lighting<'g>(
+/// Light that the surface sends to the viewer: of the lights, of the surroundings, and its own.
+fn reflected<'g>(
     arena: &'g Arena,
-    look: &Look,
-    frame: &CameraFrame,
+    lighting: &Lighting,
     seen: &Seen<'g>,
-    normal: Expr<'g>,
-    trap: Expr<'g>,
-    lit: Option<Expr<'g>>,
+    (normal, matter): (Expr<'g>, &Matter<Expr<'g>>),
+    others: &Others<'g>,
 ) -> Expr<'g> {
-    let zero = arena.f(0.0);
-    let sun_direction = arena.v3(sun_direction(look, frame));
-    let facing = normal.dot(sun_direction).max(zero);
-    let half = (sun_direction - seen.ray.direction).normalize();
-    let gloss = normal.dot(half).max(zero).powi(16) * 0.25;
-    let direct = lit.map_or(facing, |lit| facing * lit);
-    let sun = arena.v3(look.sun) * (direct * (gloss + 1.0));
-    let occlusion = occlusion(arena, look, seen.march.steps, trap);
-    let up = normal.dot(arena.v3(frame.up)) * 0.5 + 0.5;
-    let sky = arena.v3(look.sky) * ((up * 0.8 + 0.2) * occlusion);
-    let bounce = arena.v3(look.sun) * ((1.0 - up) * occlusion * 0.06);
-    sun * (occlusion * 0.5 + 0.5) + sky + bounce
-}
-
-/// How much of the sky a point sees, from what the march already knows: many steps mean narrow places, and an orbit
-/// that came near the origin means a deep one.
-fn occlusion<'g>(arena: &'g Arena, look: &Look, steps: Expr<'g>, trap: Expr<'g>) -> Expr<'g> {
-    if look.occlusion == 0.0 {
-        return arena.f(1.0);
+    let direction = seen.ray.direction;
+    let finish = Finish::new(matter, normal, -direction);
+    let point = seen.ray.origin + direction * seen.march.t;
+    let open = others.corner.map(|corner| arena.f(1.0).mix(openness(corner), arena.f(lighting.occlusion)));
+    let mirrored = |towards, roughness| lighting.mirrored(arena, towards, roughness);
+    let beyond = |towards| lighting.radiance(arena, towards);
+    let surrounded = finish.surrounded(lighting.around(normal), mirrored, beyond);
+    let mut all = open.map_or(surrounded, |open| surrounded * open);
+    for (light, shadow) in lighting.lights.iter().zip(&others.shadows) {
+        let Incoming { direction, strength, .. } = Incoming::new(arena, light, point);
+        let strength = shadow.map_or(strength, |shadow| strength * share_lit(shadow, light));
+        all = all + finish.lit(direction) * strength;
     }
-    let by_steps = 1.0 / (steps * steps * (1.0 / 2400.0) + 1.0);
-    let seen = match look.darkens_by_trap() {
-        true => by_steps * (1.0 - (trap.component(0) * -6.0).exp() * 0.6),
-        false => by_steps,
-    };
-    arena.f(1.0).mix(seen, arena.f(look.occlusion))
-}
-
-/// Direction towards the sun in world coordinates.
-pub(crate) fn sun_direction(look: &Look, frame: &CameraFrame) -> [f64; 3] {
-    let [right, up, back] = look.sun_direction;
-    let v = [0, 1, 2].map(|i| frame.right[i] * right + frame.up[i] * up - frame.forward[i] * back);
-    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    v.map(|x| x / length)
-}
-
-/// What is seen in a direction where nothing is: radiance.
-pub(super) fn background<'g>(arena: &'g Arena, look: &Look, frame: &CameraFrame, direction: Expr<'g>) -> Expr<'g> {
-    let height = (direction.dot(arena.v3(frame.up)) * 1.6 + 0.5).clamp(arena.f(0.0), arena.f(1.0));
-    arena.v3(look.background[0]).mix(arena.v3(look.background[1]), height)
+    finish.emission().map_or(all, |emission| all + emission)
 }

@@ -3,12 +3,21 @@
 //! Nothing here loops or branches: each function is straight-line, specialised to the scene, and reaches every back end
 //! the way formula steps do. Colours are radiance: linear, and developed by [`film`](crate::film).
 
+mod air;
 mod colour;
+mod finish;
+mod light;
+mod lighting;
 mod plane;
+mod secondary;
+mod sky;
 
 pub use colour::compose_colour;
-pub(crate) use colour::sun_direction;
+pub use light::{Incoming, placed};
+pub use lighting::Lighting;
 pub use plane::{compose_plane_camera, compose_plane_colour, compose_plane_point, facing, pixel_size};
+pub use secondary::{compose_corner_ray, compose_shadow_ray};
+pub use sky::Irradiance;
 
 use serde::{Deserialize, Serialize};
 
@@ -61,6 +70,13 @@ impl CameraFrame {
         let forward = (DVec3::from(camera.target) - DVec3::from(camera.position)).normalize();
         let right = forward.cross(DVec3::from(camera.up)).normalize();
         CameraFrame { right: right.into(), up: right.cross(forward).into(), forward: forward.into() }
+    }
+
+    /// A direction given as right, up and back, in world coordinates and of length 1; (0, 0, 0) stays.
+    pub fn to_world(&self, [right, up, back]: [f64; 3]) -> [f64; 3] {
+        let v = [0, 1, 2].map(|i| self.right[i] * right + self.up[i] * up - self.forward[i] * back);
+        let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if length > 0.0 { v.map(|x| x / length) } else { v }
     }
 }
 
@@ -150,13 +166,12 @@ fn direction_of<'g>(arena: &'g Arena, camera: &Camera, size: Size, x: Expr<'g>, 
 }
 
 /// Pixel coordinates, as [`compose_camera`] takes them, to the radiance that a ray without a hit has.
-pub fn compose_background(arena: &Arena, look: &Look, camera: &Camera, size: Size) -> Function {
+pub fn compose_background(arena: &Arena, lighting: &Lighting, camera: &Camera, size: Size) -> Function {
     let mut inputs = Inputs::new(arena);
     let Pixel { x, y } = Pixel::read(&mut inputs);
     let mut function = inputs.function("background");
     let direction = direction_of(arena, camera, size, x, y);
-    let colour = colour::background(arena, look, &CameraFrame::new(camera), direction);
-    Colour { colour }.write(&mut function);
+    Colour { colour: lighting.background(arena, direction) }.write(&mut function);
     function
 }
 
@@ -220,36 +235,6 @@ pub fn compose_surface_point(arena: &Arena, threshold: Threshold, precision: Pre
         hit_eps: seen.is_hit().select(hit_eps, arena.f(Query::NOT_WANTED)),
     };
     query.write(&mut function);
-    function
-}
-
-/// Rays towards the sun, from hits as a look shows them. Their parameter starts at the hit's own, so that thresholds stay those of the pixel, and `skipped` hit
-/// thresholds further on: what is nearer than a footprint or two is part of the surface that the pixel shows.
-pub fn compose_shadow_ray(
-    arena: &Arena,
-    (sun, look): ([f64; 3], &Look),
-    threshold: Threshold,
-    bounds: &Bounds,
-    skipped: f64,
-) -> Function {
-    let mut inputs = Inputs::new(arena);
-    let seen = Seen::read(&mut inputs);
-    let (Surface { gradient: normal, .. }, _) = read_surface(&mut inputs, look);
-    let mut function = inputs.function("shadow_ray");
-    let (ray, t) = (seen.ray, seen.march.t);
-    let sun_direction = arena.v3(sun);
-    let hit_eps = threshold.at(t);
-    let start = ray.origin + ray.direction * seen.front(hit_eps) + normal * (hit_eps * 2.0);
-    let (_, far) = range_within(bounds, start, sun_direction, arena.f(0.0));
-    let lit = arena.f(0.0).lt(normal.dot(sun_direction));
-    let wanted = seen.is_hit().and(lit).and(arena.f(0.0).lt(far));
-    let shadow = Ray {
-        origin: start - sun_direction * t,
-        direction: sun_direction,
-        t_near: t + hit_eps * skipped,
-        t_far: wanted.select(t + far, arena.f(Ray::NOWHERE)),
-    };
-    shadow.write(&mut function);
     function
 }
 

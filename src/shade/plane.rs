@@ -3,12 +3,14 @@
 use super::{Seen, Size, read_surface};
 use crate::compose::paint::{paint, usable_trap};
 use crate::expr::{Arena, Function, Inputs};
-use crate::graph::{Camera, Look, Plane};
+use crate::graph::{Camera, Plane, Scene};
 use crate::kernel::records::{Colour, Painted, Pixel, Query, Ray};
 use crate::math::Precision;
 
 /// Share of the picture's height at which the colour outside is halfway from the palette's to the background's.
 const HALFWAY: f64 = 0.03;
+/// Colours of lines and of what is far from them, where a scene has no background: black on white.
+const LINES: [[f64; 3]; 2] = [[0.0; 3], [1.0; 3]];
 /// Field of view of a camera that faces a plane, in radians.
 const FOV: f64 = 0.7;
 
@@ -63,7 +65,8 @@ pub fn compose_plane_point(arena: &Arena, hit_eps: f64, precision: Precision) ->
 
 /// Point, estimate and surface to a linear colour between 0 and 1: the lower background colour in the set and on lines
 /// about a pixel wide around what is thinner; outside the palette's colours, fading to the upper background colour.
-pub fn compose_plane_colour(arena: &Arena, look: &Look, plane: &Plane, size: Size) -> Function {
+pub fn compose_plane_colour(arena: &Arena, scene: &Scene, plane: &Plane, size: Size) -> Function {
+    let (look, background) = (&scene.look, scene.backdrop.unwrap_or(LINES));
     let mut inputs = Inputs::new(arena);
     let seen = Seen::read(&mut inputs);
     let (surface, painted) = read_surface(&mut inputs, look);
@@ -78,10 +81,10 @@ pub fn compose_plane_colour(arena: &Arena, look: &Look, plane: &Plane, size: Siz
         None => paint(look, &look.palette, usable_trap(surface.trap), Some(normal(plane))),
         Some(Painted { albedo }) => albedo,
     };
-    let outside = arena.v3(look.background[1]).mix(colours, one / (fading + 1.0));
+    let outside = arena.v3(background[1]).mix(colours, one / (fading + 1.0));
     let apart = (de * (1.0 / pixel_size(plane, size))).min(one);
     let shown = seen.is_hit().select(zero, apart);
-    let colour = arena.v3(look.background[0]).mix(outside, shown);
+    let colour = arena.v3(background[0]).mix(outside, shown);
     Colour { colour: colour.clamp(zero, one) }.write(&mut function);
     function
 }

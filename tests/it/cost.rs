@@ -89,10 +89,27 @@ fn fog_occlusion_and_traps_that_are_off_cost_nothing() {
     assert_eq!(plain.cost("colour").exp, 0.0, "fog, occlusion and traps are what exponentials are for");
     assert!(!plain.wgsl("colour").contains("exp("));
     let occluded = make(&bulb(&PLAIN.replace("occlusion: 0.0", "occlusion: 0.5"), ""), None);
-    for (made, reads) in [(&plain, false), (&occluded, true)] {
-        assert_eq!(made.reads("colour", "trap"), reads);
-        assert_eq!(made.reads("colour", "steps"), reads);
+    for (made, has_corners) in [(&plain, false), (&occluded, true)] {
+        assert!(!made.reads("colour", "trap") && !made.reads("colour", "steps"));
+        assert_eq!(made.pipeline.passes.get(Role::CornerMarch).is_some(), has_corners);
     }
+    assert!(occluded.reads("colour", "corner_t_outside"));
+}
+
+#[test]
+fn lamps_glow_and_ground_fog_leave_nothing_where_they_are_off() {
+    let names = |made: &Made| made.pipeline.kernels().into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+    let plain = make(&bulb(PLAIN, ""), None);
+    let glowing = make(&bulb(PLAIN, "atmosphere: (glow: ()),"), None);
+    assert!(!names(&plain).contains(&"passing_march") && names(&glowing).contains(&"passing_march"));
+    let lamps = "light: {\"a\": Point(at: (2, 0, 0)), \"b\": Point(at: (0, 2, 0), shadows: false)},";
+    let lit = make(&bulb(PLAIN, lamps), None);
+    assert_eq!(names(&lit).iter().filter(|name| **name == "shadow_march").count(), 1);
+    let dark = make(&bulb(PLAIN, "light: {\"a\": Point(at: (2, 0, 0), strength: 0.0)},"), None);
+    assert!(!names(&dark).contains(&"shadow_march"), "a light of strength 0 is no light");
+    // A matter that is all constants needs one reflection, and no coat, metal or emission.
+    let coated = |made: &Made| made.cost("colour").operations();
+    assert!(coated(&dark) < coated(&plain) && coated(&plain) < coated(&lit));
 }
 
 #[test]

@@ -37,6 +37,7 @@ mod high_precision;
 mod hostile;
 mod language;
 mod layering;
+mod lights;
 mod lost_device;
 mod memory;
 mod methods;

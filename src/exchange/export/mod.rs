@@ -119,7 +119,7 @@ pub fn export(composer: &Composer, plan: &Plan, camera: &Camera, target: Target)
     let body = bare_glsl(&written_glsl(&module, &info, version)?);
     Ok(Exported::Text(match target {
         Target::Shadertoy => {
-            format!("{header}{body}{}", shadertoy::picture(camera, &composer.graph.scene.look, plan.bounding_radius))
+            format!("{header}{body}{}", shadertoy::picture(camera, &composer.graph.scene, plan.bounding_radius))
         }
         Target::Fragmentarium => fragmentarium(&header, &body, composer, camera),
         _ => format!("{header}{body}"),

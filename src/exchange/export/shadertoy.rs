@@ -1,13 +1,23 @@
 //! The picture around a distance function on shadertoy.com: the file's camera, a march, normals, the sun and the sky.
 
-use crate::graph::{Camera, Look};
-use crate::shade::{CameraFrame, sun_direction};
+use crate::graph::{Camera, Environment, LightKind, Scene};
+use crate::shade::placed;
 
 /// The functions `mainImage` and what it calls, which call `distance_estimate`.
-pub fn picture(camera: &Camera, look: &Look, bounding_radius: f64) -> String {
-    let frame = CameraFrame::new(camera);
+pub fn picture(camera: &Camera, scene: &Scene, bounding_radius: f64) -> String {
     let vector = |v: [f64; 3]| format!("vec3({:?}, {:?}, {:?})", v[0] as f32, v[1] as f32, v[2] as f32);
-    let sun = sun_direction(look, &frame);
+    let home = scene.home.unwrap_or(*camera);
+    let sun = scene.sun().map(|light| placed(light, camera, &home));
+    let (direction, sun) = match sun.map(|light| (light.kind, light.colour)) {
+        Some((LightKind::Sun { direction, .. }, colour)) => (direction, colour),
+        _ => ([0.0, 0.0, 1.0], [0.0; 3]),
+    };
+    let sky = match scene.environment {
+        Environment::Dome { sky, .. } => sky,
+        Environment::Gradient { horizon, zenith, .. } => [0, 1, 2].map(|i| (horizon[i] + zenith[i]) / 2.0),
+        Environment::Daylight { strength, .. } => [0.2, 0.3, 0.5].map(|part| part * strength),
+    };
+    let background = scene.backdrop.unwrap_or([sky; 2]);
     let template = include_str!("shadertoy.glsl");
     let values = [
         ("$POSITION", vector(camera.position)),
@@ -15,12 +25,12 @@ pub fn picture(camera: &Camera, look: &Look, bounding_radius: f64) -> String {
         ("$UP", vector(camera.up)),
         ("$HEIGHT", format!("{:?}", 2.0 * (camera.fov / 2.0).tan() as f32)),
         ("$RADIUS", format!("{:?}", bounding_radius as f32)),
-        ("$SUN_DIRECTION", vector(sun)),
-        ("$SUN", vector(look.sun)),
-        ("$SKY", vector(look.sky)),
-        ("$COLOUR", vector(look.palette[0])),
-        ("$BOTTOM", vector(look.background[0])),
-        ("$TOP", vector(look.background[1])),
+        ("$SUN_DIRECTION", vector(direction)),
+        ("$SUN", vector(sun)),
+        ("$SKY", vector(sky)),
+        ("$COLOUR", vector(scene.look.palette[0])),
+        ("$BOTTOM", vector(background[0])),
+        ("$TOP", vector(background[1])),
     ];
     // Longer names first would be needed where one begins another; `$SUN` stands behind `$SUN_DIRECTION`.
     values.iter().fold(template.to_string(), |text, (name, value)| text.replace(name, value))

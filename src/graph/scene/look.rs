@@ -76,6 +76,8 @@ pub struct Look {
     pub shadows: bool,
     /// Strength of ambient occlusion, 0 to 1.
     pub occlusion: f64,
+    /// Greatest distance from which something darkens a corner, in world units; a share of the depth where absent.
+    pub occlusion_radius: Option<f64>,
     /// Colours of all that has none of its own.
     pub palette: Palette,
     /// What blends in the palette's colours behind its first, the first of them over the others.
@@ -89,16 +91,11 @@ pub struct Look {
 }
 
 impl Look {
-    /// Whether colours or occlusion depend on orbit traps.
+    /// Whether colours depend on orbit traps.
     pub fn reads_traps(&self) -> bool {
         let palettes = || self.parts.iter().map(|part| &part.palette).chain([&self.palette]);
         let shows = |i: usize| palettes().any(|palette| palette[i + 1] != palette[0]);
-        self.darkens_by_trap() || (0..4).any(|i| self.traps[i].is_some() && shows(i))
-    }
-
-    /// Whether occlusion uses how near orbits came to the origin: unless the file has traps of its own.
-    pub fn darkens_by_trap(&self) -> bool {
-        self.occlusion != 0.0 && self.traps == TRAPS
+        (0..4).any(|i| self.traps[i].is_some() && shows(i))
     }
 
     /// The coordinates whose folds are followed.
@@ -116,6 +113,7 @@ impl Default for Look {
             sky: [0.42, 0.55, 0.78],
             shadows: true,
             occlusion: 0.85,
+            occlusion_radius: None,
             palette: [
                 [0.72, 0.68, 0.60],
                 [0.75, 0.36, 0.12],
@@ -146,6 +144,9 @@ pub(super) fn read_look(reader: &mut Reader, value: &Value) -> Option<Look> {
     look.shadows = fields.or("shadows", look.shadows, reader.d);
     if let Some(v) = fields.optional_value("occlusion") {
         look.occlusion = reader.number(v, 0.0, 1.0)?;
+    }
+    if let Some(v) = fields.optional_value("occlusion_radius") {
+        look.occlusion_radius = Some(reader.number(v, 1e-9, 1e9)?);
     }
     if let Some(v) = fields.optional_value("fog") {
         look.fog = reader.number(v, 0.0, 100.0)?;

@@ -3,27 +3,79 @@
 //! A fractal's file holds its default scene beside its nodes. In comes the file's value tree; out comes a [`Scene`], which the
 //! expressions of pictures are composed from. Formulas, their tests and their estimates do not depend on it.
 
+mod environment;
 mod fields;
+mod light;
 mod look;
 
+pub use environment::{Atmosphere, Environment, Glow};
+pub use light::{Cone, Light, LightKind, SUN_ANGLE, Space};
 pub use look::{Look, Palette, Part, TRAPS, Trap};
 
 use serde::{Deserialize, Serialize};
 
+use self::environment::{read_atmosphere, read_environment};
 use self::fields::{read_camera, read_plane};
+use self::light::read_lights;
 use self::look::read_look;
 use super::read::Reader;
+use crate::diag::Diagnostic;
 use crate::formula::decode::Fields;
+use crate::formula::value::{Value, ValueKind};
 
 /// What a picture shows, from where, and in which light.
-#[derive(Clone, PartialEq, Debug, Default)]
+#[derive(Clone, PartialEq, Debug)]
 pub struct Scene {
     /// Where to look from; found automatically where absent.
     pub camera: Option<Camera>,
     /// The plane that pictures show; absent where they are seen through the camera.
     pub plane: Option<Plane>,
-    /// Light and colour.
+    /// What surfaces look like.
     pub look: Look,
+    /// What shines.
+    pub lights: Vec<Light>,
+    /// What surrounds everything.
+    pub environment: Environment,
+    /// Colours that are shown where nothing is, at the bottom and the top of the picture; the environment where absent.
+    pub backdrop: Option<[[f64; 3]; 2]>,
+    /// What is between the camera and what it sees.
+    pub atmosphere: Atmosphere,
+    /// The view that the file itself shows, where the camera has left it.
+    pub home: Option<Camera>,
+}
+
+impl Default for Scene {
+    /// The scene of a file that says nothing of it.
+    fn default() -> Scene {
+        Scene::of_look(Look::default())
+    }
+}
+
+impl Scene {
+    /// The scene that a look alone makes: its sun under its sky.
+    fn of_look(look: Look) -> Scene {
+        Scene {
+            camera: None,
+            plane: None,
+            lights: vec![Light::sun_of_look(look.sun_direction, look.sun, look.shadows)],
+            environment: Environment::Dome { sky: look.sky, sun: look.sun },
+            backdrop: Some(look.background),
+            atmosphere: Atmosphere { fog: look.fog, ..Atmosphere::default() },
+            home: None,
+            look,
+        }
+    }
+
+    /// The first light that stands far away.
+    pub fn sun(&self) -> Option<&Light> {
+        self.lights.iter().find(|light| matches!(light.kind, LightKind::Sun { .. }))
+    }
+
+    /// The scene seen from elsewhere; what hangs on the view of the file stays where it was.
+    pub fn move_camera(&mut self, camera: Camera) {
+        self.home = self.home.or(self.camera);
+        self.camera = Some(camera);
+    }
 }
 
 /// A perspective camera.
@@ -52,10 +104,47 @@ pub struct Plane {
     pub up: [f64; 3],
 }
 
-/// Reads the fields of a scene from those of a file.
+/// Fields of a scene, in a fractal's file beside its nodes or in `scene: (...)`.
+const FIELDS: [&str; 6] = ["camera", "plane", "look", "light", "environment", "atmosphere"];
+
+/// Reads the fields of a scene: those among a file's own, and those in its `scene: (...)`.
 pub(super) fn read_scene(reader: &mut Reader, fields: &mut Fields) -> Scene {
-    let camera = fields.optional_value("camera").and_then(|v| read_camera(reader, v));
-    let plane = fields.optional_value("plane").and_then(|v| read_plane(reader, v));
-    let look = fields.optional_value("look").and_then(|v| read_look(reader, v)).unwrap_or_default();
-    Scene { camera, plane, look }
+    let scene = fields.optional_value("scene");
+    let mut inner = scene.and_then(|v| Fields::new(v, "a scene", reader.d));
+    let mut take = |reader: &mut Reader, name: &'static str| {
+        let outer = fields.optional_value(name);
+        let inside = inner.as_mut().and_then(|inner| inner.optional_value(name));
+        if let (Some(one), Some(other)) = (outer, inside) {
+            let message = format!("`{name}` is given twice");
+            let diagnostic = Diagnostic::error(message).label(one.span, "here").label(other.span, "and in `scene`");
+            reader.d.push(diagnostic.help("keep one of them"));
+        }
+        inside.or(outer)
+    };
+    let [camera, plane, look, light, environment, atmosphere] = FIELDS.map(|name| take(reader, name));
+    if let Some(inner) = inner {
+        inner.finish(reader.d);
+    }
+    let given = look.and_then(|v| read_look(reader, v));
+    let mut scene = given.map_or_else(Scene::default, Scene::of_look);
+    scene.camera = camera.and_then(|v| read_camera(reader, v));
+    scene.plane = plane.and_then(|v| read_plane(reader, v));
+    if let Some(value) = light {
+        scene.lights = read_lights(reader, value);
+        scene.environment = Environment::Dome { sky: scene.look.sky, sun: [0.0; 3] };
+    }
+    if let Some(found) = environment.and_then(|v| read_environment(reader, v)) {
+        scene.environment = found;
+        let has_background = look.is_some_and(|look| has_field(look, "background"));
+        scene.backdrop = scene.backdrop.filter(|_| has_background);
+    }
+    if let Some(found) = atmosphere.and_then(|v| read_atmosphere(reader, v)) {
+        scene.atmosphere = Atmosphere { fog: if found.fog > 0.0 { found.fog } else { scene.atmosphere.fog }, ..found };
+    }
+    scene
+}
+
+/// Whether a struct of a file gives a field.
+fn has_field(value: &Value, name: &str) -> bool {
+    matches!(&value.kind, ValueKind::Struct { fields, .. } if fields.iter().any(|(field, _)| field.text == name))
 }

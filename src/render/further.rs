@@ -1,0 +1,96 @@
+//! The passes of further rays than the picture's own: towards lights, along normals, and once more past what they miss.
+
+use super::RenderSettings;
+use super::passes::{Passes, Role, Slot};
+use crate::compose::{Bounds, Composer, Plan, Purpose, compose_estimator};
+use crate::diag::Diagnostic;
+use crate::graph::{Camera, Light};
+use crate::kernel::Kernel;
+use crate::march::{self, Disc, MarchSettings, SKIPPED, compose_march};
+use crate::shade::{self, Lighting, Threshold};
+
+/// What further rays are composed from.
+pub(super) struct Further<'a> {
+    pub composer: &'a Composer<'a>,
+    pub plan: &'a Plan,
+    pub settings: &'a RenderSettings,
+    pub camera: &'a Camera,
+    pub bounds: &'a Bounds,
+    /// How the picture's own rays are marched.
+    pub march: &'a MarchSettings,
+}
+
+/// What seen surfaces are read from.
+const SEEN: [Slot; 3] = [Slot::Rays, Slot::Ends, Slot::Surfaces];
+
+impl Further<'_> {
+    /// Adds the passes that a picture's light needs. Gives their slots, in the order in which colours read them.
+    pub fn compose(&self, passes: &mut Passes<Kernel>, lighting: &Lighting) -> Result<Vec<Slot>, Diagnostic> {
+        let mut slots = Vec::new();
+        for (number, light) in lighting.shadowing() {
+            self.shadow(passes, number, light)?;
+            slots.push(Slot::Shadows(number));
+        }
+        if lighting.occlusion > 0.0 {
+            self.corners(passes, lighting)?;
+            slots.push(Slot::Corners);
+        }
+        if lighting.atmosphere.glow.is_some() {
+            let estimator = compose_estimator(self.composer, &self.plan.choices, Purpose::March)?;
+            let passing = march::compose_passing_march(self.composer.arena, estimator, self.march);
+            passes.push(Role::PassingMarch, [Slot::Rays], Slot::Passing, Kernel::March(passing));
+            slots.push(Slot::Passing);
+        }
+        Ok(slots)
+    }
+
+    /// The hit threshold of the picture's rays.
+    fn threshold(&self) -> Threshold {
+        Threshold { pixel_radius: self.march.pixel_radius, fixed: self.march.hit_eps }
+    }
+
+    /// Rays towards a light from what is seen, and their march.
+    fn shadow(&self, passes: &mut Passes<Kernel>, number: u8, light: &Light) -> Result<(), Diagnostic> {
+        let (composer, settings) = (self.composer, self.settings);
+        let (arena, look) = (composer.arena, &composer.graph.scene.look);
+        let skipped = if settings.plain { 0.0 } else { SKIPPED };
+        let ray = shade::compose_shadow_ray(arena, (light, look), self.threshold(), self.bounds, skipped);
+        passes.push(Role::ShadowRay(number), SEEN, Slot::ShadowRays(number), Kernel::Map(ray));
+        let disc = Disc::of(light);
+        let shadow = match settings.plain && matches!(disc, Disc::Sharp(_)) {
+            true => {
+                compose_march(arena, compose_estimator(composer, &self.plan.choices, Purpose::Estimate)?, self.march)
+            }
+            false => {
+                let plan = march::shadow_plan(self.plan);
+                let pixel_radius = shade::pixel_radius(self.camera, settings.size) * settings.detail;
+                let march = MarchSettings::of_plan(&plan, pixel_radius, settings.precision);
+                let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
+                march::compose_shadow_march(arena, estimator, &march, disc)
+            }
+        };
+        passes.push(
+            Role::ShadowMarch(number),
+            [Slot::ShadowRays(number)],
+            Slot::Shadows(number),
+            Kernel::March(shadow),
+        );
+        Ok(())
+    }
+
+    /// Rays along normals, and what they find near.
+    fn corners(&self, passes: &mut Passes<Kernel>, lighting: &Lighting) -> Result<(), Diagnostic> {
+        let (composer, settings) = (self.composer, self.settings);
+        let (arena, look) = (composer.arena, &composer.graph.scene.look);
+        let plan = march::corner_plan(self.plan);
+        let reach = (look.occlusion_radius, march::LEAST_HEIGHT);
+        let ray = shade::compose_corner_ray(arena, look, self.threshold(), lighting.bounding_radius, reach);
+        passes.push(Role::CornerRay, SEEN, Slot::CornerRays, Kernel::Map(ray));
+        let pixel_radius = shade::pixel_radius(self.camera, settings.size) * settings.detail;
+        let march = MarchSettings::of_plan(&plan, pixel_radius, settings.precision);
+        let estimator = compose_estimator(composer, &plan.choices, Purpose::Estimate)?;
+        let corner = march::compose_corner_march(arena, estimator, &march);
+        passes.push(Role::CornerMarch, [Slot::CornerRays], Slot::Corners, Kernel::March(corner));
+        Ok(())
+    }
+}

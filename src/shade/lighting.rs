@@ -1,0 +1,94 @@
+//! The light of a picture: what a scene says of it, in world axes and as radiance.
+
+use super::CameraFrame;
+use super::light::placed;
+use super::sky::{self, Irradiance};
+use crate::expr::{Arena, Expr};
+use crate::graph::{Atmosphere, Camera, Environment, Light, Scene};
+use crate::kernel::BackendError;
+
+/// The light of a picture.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Lighting {
+    /// The lights that shine, in world axes.
+    pub lights: Vec<Light>,
+    /// What is between the camera and what it sees.
+    pub atmosphere: Atmosphere,
+    /// How much corners are darkened, from 0 to 1.
+    pub occlusion: f64,
+    /// Radius of the ball that holds everything, in world units.
+    pub bounding_radius: f64,
+    environment: Environment,
+    up: [f64; 3],
+    irradiance: Irradiance,
+    backdrop: Option<Backdrop>,
+}
+
+/// What a camera sees where nothing is, instead of the environment: two radiances, mixed by height in the picture.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Backdrop {
+    bottom: [f64; 3],
+    top: [f64; 3],
+    up: [f64; 3],
+}
+
+impl Lighting {
+    /// The light of a scene seen through a camera; `radiance_of` gives the radiance that is shown as a colour.
+    ///
+    /// Errors: those of the CPU back end.
+    pub fn new(
+        scene: &Scene,
+        camera: &Camera,
+        bounding_radius: f64,
+        radiance_of: impl Fn([f64; 3]) -> [f64; 3],
+    ) -> Result<Lighting, BackendError> {
+        let home = scene.home.unwrap_or(*camera);
+        let lights = scene.lights.iter().filter(|light| light.shines());
+        let up = match scene.environment {
+            Environment::Dome { .. } => CameraFrame::new(&home).up,
+            Environment::Gradient { .. } | Environment::Daylight { .. } => [0.0, 0.0, 1.0],
+        };
+        let backdrop = scene.backdrop.map(|[bottom, top]| Backdrop {
+            bottom: radiance_of(bottom),
+            top: radiance_of(top),
+            up: CameraFrame::new(camera).up,
+        });
+        Ok(Lighting {
+            lights: lights.map(|light| placed(light, camera, &home)).collect(),
+            atmosphere: scene.atmosphere,
+            occlusion: scene.look.occlusion,
+            bounding_radius,
+            environment: scene.environment,
+            up,
+            irradiance: Irradiance::new(&scene.environment, up)?,
+            backdrop,
+        })
+    }
+
+    /// The lights that cast shadows, by number.
+    pub fn shadowing(&self) -> impl Iterator<Item = (u8, &Light)> {
+        (0..).zip(&self.lights).filter(|(_, light)| light.shadows)
+    }
+
+    /// Radiance from a direction in which nothing is.
+    pub fn radiance<'g>(&self, arena: &'g Arena, direction: Expr<'g>) -> Expr<'g> {
+        sky::radiance(arena, &self.environment, self.up, direction)
+    }
+
+    /// The mean radiance over the side of a normal, weighted by the cosine.
+    pub fn around<'g>(&self, normal: Expr<'g>) -> Expr<'g> {
+        self.irradiance.on(normal)
+    }
+
+    /// What a surface of some roughness mirrors from a direction: between the radiance from there and its mean around.
+    pub fn mirrored<'g>(&self, arena: &'g Arena, direction: Expr<'g>, roughness: Expr<'g>) -> Expr<'g> {
+        self.radiance(arena, direction).mix(self.around(direction), roughness)
+    }
+
+    /// What the camera sees in a direction in which nothing is: radiance.
+    pub fn background<'g>(&self, arena: &'g Arena, direction: Expr<'g>) -> Expr<'g> {
+        let Some(Backdrop { bottom, top, up }) = self.backdrop else { return self.radiance(arena, direction) };
+        let height = (direction.dot(arena.v3(up)) * 1.6 + 0.5).clamp(arena.f(0.0), arena.f(1.0));
+        arena.v3(bottom).mix(arena.v3(top), height)
+    }
+}
