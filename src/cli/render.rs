@@ -8,7 +8,7 @@ use std::time::Instant;
 use bulbfold::engine::{CameraChange, Error, Job, Request};
 use bulbfold::files::Target;
 use bulbfold::film::PngFile;
-use bulbfold::render::Sampling;
+use bulbfold::render::{PathTracing, Sampling};
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
@@ -50,6 +50,8 @@ pub struct Arguments {
     /// Which pixels get all samples: those that differ from their neighbours, or every pixel
     #[arg(long, value_enum, default_value_t = SamplingArg::Adaptive)]
     sampling: SamplingArg,
+    #[command(flatten)]
+    path: PathArgs,
     /// Where to compute
     #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
     pub(super) backend: BackendArg,
@@ -135,8 +137,68 @@ impl Arguments {
             backend: self.backend.choice(),
             precision: self.precision.given(),
             exact_rays: self.exact_rays,
+            path: self.path.tracing(),
             ..self.estimate.request(self.size.unwrap_or_else(|| self.default_size()))
         }
+    }
+}
+
+/// How light is followed.
+#[derive(Args, Clone, Copy, Debug)]
+pub(super) struct PathArgs {
+    /// Where light comes from: straight from lights and surroundings (fast, without noise), or along paths from surface to surface
+    #[arg(long, value_enum, default_value_t = IntegratorArg::Direct)]
+    integrator: IntegratorArg,
+    /// Paths through each pixel at most; asks for `--integrator path`
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    paths: Option<u32>,
+    /// Surfaces that a path meets at most; asks for `--integrator path`
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=24))]
+    bounces: Option<u32>,
+    /// Noise at which a tile of the picture is done, such as 2%; asks for `--integrator path`
+    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
+    noise: Option<f64>,
+    /// Chooses the random numbers of paths
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u32,
+}
+
+/// Where light comes from, as a flag's value.
+#[derive(ValueEnum, Clone, Copy, PartialEq, Eq, Debug)]
+enum IntegratorArg {
+    /// Straight from lights and surroundings
+    Direct,
+    /// Along paths from surface to surface
+    Path,
+}
+
+/// Paths through a pixel at most where noise says when it is done.
+const MOST_PATHS: u32 = 4096;
+
+impl PathArgs {
+    fn tracing(&self) -> Option<PathTracing> {
+        let is_asked = self.paths.is_some() || self.bounces.is_some() || self.noise.is_some();
+        if self.integrator == IntegratorArg::Direct && !is_asked {
+            return None;
+        }
+        let default = PathTracing::default();
+        let most = if self.noise.is_some() { MOST_PATHS } else { default.samples };
+        Some(PathTracing {
+            samples: self.paths.unwrap_or(most),
+            bounces: self.bounces.unwrap_or(default.bounces),
+            noise: self.noise.unwrap_or(0.0),
+            seed: self.seed,
+        })
+    }
+}
+
+/// A share as `2%` or `0.02`, above 0 and at most 1.
+fn parse_share(text: &str) -> Result<f64, String> {
+    let (number, scale) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 0.01));
+    let share = number.trim().parse::<f64>().map_err(|_| "expected a share such as 2% or 0.02".to_string())? * scale;
+    match share > 0.0 && share <= 1.0 {
+        true => Ok(share),
+        false => Err("a share is above 0 and at most 1 (100%)".into()),
     }
 }
 

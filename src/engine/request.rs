@@ -6,7 +6,7 @@ use super::Error;
 use crate::check::truth::Budget;
 use crate::graph::{Camera, EstimateSettings};
 use crate::math::Precision;
-use crate::render::{RenderSettings, Sampling};
+use crate::render::{PathTracing, RenderSettings, Sampling};
 use crate::shade::{CameraFrame, Size, turned};
 
 /// Where kernels run.
@@ -88,6 +88,8 @@ pub struct Request {
     pub budget: Budget,
     /// How much a calibration may compute, as a multiple of what is usual.
     pub effort: f64,
+    /// Whether light is followed along paths, and how; otherwise it comes straight from lights and surroundings.
+    pub path: Option<PathTracing>,
     /// Every ray is marched by itself, by steps no longer than an estimate, and every orbit runs to its end: what the
     /// short cuts are compared with.
     pub exact_rays: bool,
@@ -107,6 +109,7 @@ impl Default for Request {
             calibrate: true,
             budget: Budget::default(),
             effort: 1.0,
+            path: None,
             exact_rays: false,
         }
     }
@@ -146,6 +149,7 @@ impl Request {
             precision,
             estimate: self.estimate,
             plain: self.exact_rays,
+            path: self.path,
             ..RenderSettings::default()
         }
     }

@@ -289,6 +289,40 @@ record! {
 }
 
 record! {
+    /// A path of light, followed from the camera.
+    pub struct Path {
+        /// What of the light at the path's next point reaches the camera: linear, by colour.
+        throughput: V3,
+        /// Density, by solid angle, of the direction that the path took last; [`UNKNOWN`] on its way from the camera, 0 once it has ended.
+        density: F,
+        /// Surfaces that it has met.
+        bounces: F,
+        /// Light that it has found so far, linear.
+        radiance: V3,
+    }
+}
+
+record! {
+    /// Random numbers of a point of a path, each from 0 to 1.
+    pub struct Random {
+        /// Picks a light.
+        light: F,
+        /// Pick a direction towards it.
+        light_u: F,
+        /// See `light_u`.
+        light_v: F,
+        /// Picks what scatters the path.
+        lobe: F,
+        /// Pick the direction of the path.
+        u: F,
+        /// See `u`.
+        v: F,
+        /// Ends the path.
+        survival: F,
+    }
+}
+
+record! {
     /// A linear colour.
     pub struct Colour {
         /// Red, green and blue from 0 to 1.

@@ -100,10 +100,15 @@ impl Disc {
     }
 }
 
+/// Whether a march hit.
+pub fn is_hit_of(march: Marched<Expr<'_>>) -> Expr<'_> {
+    march.status.equals(march.status.lift(Status::Hit.code()))
+}
+
 /// Share of a light that a shadow ray's start sees, from 0 to 1.
 pub fn share_lit<'g>(shadow: Marched<Expr<'g>>, light: &Light) -> Expr<'g> {
     let (zero, one) = (shadow.t.lift(0.0), shadow.t.lift(1.0));
-    let is_hit = shadow.status.equals(shadow.status.lift(Status::Hit.code()));
+    let is_hit = is_hit_of(shadow);
     if !Disc::of(light).is_soft() {
         return is_hit.select(zero, one);
     }

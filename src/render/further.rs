@@ -7,7 +7,7 @@ use crate::diag::Diagnostic;
 use crate::graph::{Camera, Light};
 use crate::kernel::Kernel;
 use crate::march::{self, Disc, MarchSettings, SKIPPED, compose_march};
-use crate::shade::{self, Lighting, Threshold};
+use crate::shade::{self, Lighting, Paths, Threshold};
 
 /// What further rays are composed from.
 pub(super) struct Further<'a> {
@@ -36,12 +36,45 @@ impl Further<'_> {
             slots.push(Slot::Corners);
         }
         if lighting.atmosphere.glow.is_some() {
-            let estimator = compose_estimator(self.composer, &self.plan.choices, Purpose::March)?;
-            let passing = march::compose_passing_march(self.composer.arena, estimator, self.march);
-            passes.push(Role::PassingMarch, [Slot::Rays], Slot::Passing, Kernel::March(passing));
+            self.passing(passes)?;
             slots.push(Slot::Passing);
         }
         Ok(slots)
+    }
+
+    /// Adds the passes of a path's point: light that is picked there, the ray on which it goes on, its next state.
+    pub fn path(&self, passes: &mut Passes<Kernel>, lighting: &Lighting) -> Result<(), Diagnostic> {
+        let (composer, settings) = (self.composer, self.settings);
+        let (arena, look) = (composer.arena, &composer.graph.scene.look);
+        let paths = Paths { look, lighting, threshold: self.threshold(), bounds: self.bounds, sure_bounces: 3 };
+        let point = [Slot::Rays, Slot::Ends, Slot::Surfaces, Slot::Paths, Slot::Randoms];
+        let mut seen = point.to_vec();
+        if !lighting.lights.is_empty() {
+            let ray = paths.compose_light_ray(arena, SKIPPED);
+            passes.push(Role::LightRay, point, Slot::LightRays, Kernel::Map(ray));
+            let plan = march::shadow_plan(self.plan);
+            let pixel_radius = shade::pixel_radius(self.camera, settings.size) * settings.detail;
+            let march = MarchSettings::of_plan(&plan, pixel_radius, settings.precision);
+            let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
+            let march = march::compose_shadow_march(arena, estimator, &march, Disc::Sharp(0.0));
+            passes.push(Role::LightMarch, [Slot::LightRays], Slot::Lit, Kernel::March(march));
+            seen.push(Slot::Lit);
+        }
+        if lighting.atmosphere.glow.is_some() {
+            self.passing(passes)?;
+            seen.push(Slot::Passing);
+        }
+        passes.push(Role::BounceRay, point, Slot::NextRays, Kernel::Map(paths.compose_bounce_ray(arena, SKIPPED)));
+        passes.push(Role::PathStep, seen, Slot::NextPaths, Kernel::Map(paths.compose_path(arena)));
+        Ok(())
+    }
+
+    /// A march of the picture's rays that looks how closely they pass.
+    fn passing(&self, passes: &mut Passes<Kernel>) -> Result<(), Diagnostic> {
+        let estimator = compose_estimator(self.composer, &self.plan.choices, Purpose::March)?;
+        let passing = march::compose_passing_march(self.composer.arena, estimator, self.march);
+        passes.push(Role::PassingMarch, [Slot::Rays], Slot::Passing, Kernel::March(passing));
+        Ok(())
     }
 
     /// The hit threshold of the picture's rays.

@@ -17,6 +17,7 @@ mod plane;
 mod refine;
 mod renderer;
 mod stats;
+mod traced;
 
 pub use beams::BeamTiles;
 pub use checked::beams_hold;
@@ -54,6 +55,26 @@ pub enum BeamUse {
     Untried,
 }
 
+/// How paths of light are traced.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PathTracing {
+    /// Paths through each pixel at most, from 1 to 65536.
+    pub samples: u32,
+    /// Surfaces that a path meets at most.
+    pub bounces: u32,
+    /// Standard deviation of a tile's pixels, as a share of their brightness, at which it is done; 0 takes all samples.
+    pub noise: f64,
+    /// Chooses the random numbers.
+    pub seed: u32,
+}
+
+impl Default for PathTracing {
+    fn default() -> PathTracing {
+        PathTracing { samples: 64, bounces: 6, noise: 0.0, seed: 0 }
+    }
+}
+
 /// What a picture needs besides its fractal.
 #[derive(Clone, PartialEq, Debug)]
 pub struct RenderSettings {
@@ -79,6 +100,8 @@ pub struct RenderSettings {
     pub beams: BeamUse,
     /// Orbits end at the footprint, where that can be trusted; not where `plain`.
     pub early_ends: bool,
+    /// Whether light is followed along paths, and how; otherwise it comes straight from lights and surroundings.
+    pub path: Option<PathTracing>,
 }
 
 impl Default for RenderSettings {
@@ -94,6 +117,7 @@ impl Default for RenderSettings {
             boxed: false,
             beams: BeamUse::default(),
             early_ends: true,
+            path: None,
         }
     }
 }

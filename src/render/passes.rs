@@ -39,6 +39,14 @@ pub enum Role {
     CornerMarch,
     /// Rays to how closely they pass.
     PassingMarch,
+    /// Points of paths to rays towards the lights that are picked there.
+    LightRay,
+    /// Those rays to their ends.
+    LightMarch,
+    /// Points of paths to the rays on which they go on.
+    BounceRay,
+    /// Points of paths to their next states.
+    PathStep,
     /// All of it to colours.
     Colour,
     /// Colours to bytes.
@@ -62,6 +70,10 @@ impl Role {
             Role::CornerRay => "corner_ray",
             Role::CornerMarch => "corner_march",
             Role::PassingMarch => "passing_march",
+            Role::LightRay => "light_ray",
+            Role::LightMarch => "light_march",
+            Role::BounceRay => "bounce_ray",
+            Role::PathStep => "path_step",
             Role::Colour => "colour",
             Role::Encode => "encode",
         }
@@ -99,6 +111,18 @@ pub enum Slot {
     Corners,
     /// What a march of the picture's rays gave that looks how closely they pass, [`Marched`].
     Passing,
+    /// [`Path`](crate::kernel::records::Path)s before a point.
+    Paths,
+    /// The [`Random`](crate::kernel::records::Random) numbers of a point.
+    Randoms,
+    /// [`Ray`]s towards the lights that are picked there.
+    LightRays,
+    /// What their march gave, [`Marched`].
+    Lit,
+    /// The [`Ray`]s on which paths go on.
+    NextRays,
+    /// [`Path`](crate::kernel::records::Path)s after a point.
+    NextPaths,
     /// [`Colour`](crate::kernel::records::Colour)s.
     Colours,
     /// [`Colour`](crate::kernel::records::Colour)s of pixels where nothing is.

@@ -14,7 +14,7 @@ use crate::film::{Image, Layer, Rows, Tile, Window, windows};
 use crate::kernel::{Backend, BackendError};
 
 /// Why a render ended early.
-enum Halt {
+pub(super) enum Halt {
     Stopped,
     Failed(BackendError),
 }
@@ -93,13 +93,19 @@ impl<B: Backend> Renderer<'_, B> {
         let (width, height) = (self.size.width, self.size.height);
         let (first, end) = (rows.start, rows.end.min(height));
         let left = f64::from(end.saturating_sub(first));
-        let meter = Meter::new(progress, f64::from(width) * left, self.samples.len());
+        let pixels = f64::from(width) * left;
+        let meter = match &self.tracer {
+            Some(tracer) => Meter::new(progress, pixels * f64::from(tracer.samples()), 1),
+            None => Meter::new(progress, pixels, self.samples.len()),
+        };
         // Rows of a band, and those above and below it.
-        let most = if self.keeps_light() { height.min(self.cut.band.saturating_add(2)) } else { 0 };
+        let most =
+            if self.keeps_light() && self.tracer.is_none() { height.min(self.cut.band.saturating_add(2)) } else { 0 };
         let mut seen = Seen::new(width, first.saturating_sub(1), most);
         for y in (first..end).step_by(self.cut.band as usize) {
             let band = Tile { x: 0, y, width, height: self.cut.band.min(end - y) };
             let rows = match self.keeps_light() {
+                _ if self.tracer.is_some() => self.traced(band, &meter, stats)?,
                 false => Rows { srgb: self.only_pass(band, &meter, stats)?, radiance: Vec::new() },
                 true => self.both_passes(band, &mut seen, &meter, stats)?,
             };
@@ -191,7 +197,7 @@ impl<B: Backend> Renderer<'_, B> {
 
     /// Does parts of the work, as many at the same time as the back end gains from, and adds up what they count. Results come
     /// in any order.
-    fn in_parts<T: Send, R: Send>(
+    pub(super) fn in_parts<T: Send, R: Send>(
         &self,
         parts: Vec<T>,
         meter: &Meter,

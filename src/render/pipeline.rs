@@ -116,7 +116,9 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let mut passes = Passes::default();
     let camera_kernel = shade::compose_camera(arena, &camera, settings.size, &bounds);
     passes.push(Role::Camera, [Slot::Points], Slot::Rays, Kernel::Map(camera_kernel));
-    let tiles = match settings.plain || settings.beams == BeamUse::Off {
+    // What beams find empty is seen through clear air.
+    let is_hazy = lighting.atmosphere.glow.is_some() || lighting.atmosphere.fog_colour.is_some();
+    let tiles = match settings.plain || is_hazy || settings.beams == BeamUse::Off {
         true => None,
         false => compose_beams(&mut passes, composer, &plan, (&camera, &lighting), (settings, &bounds), &march)?,
     };
@@ -129,13 +131,16 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let surface = compose_estimator(composer, &plan.choices, Purpose::Surface)?;
     passes.push(Role::Surface, [Slot::Queries], Slot::Surfaces, Kernel::Estimate(surface));
 
-    let mut seen = vec![Slot::Rays, Slot::Ends, Slot::Surfaces];
     let further = Further { composer, plan: &plan, settings, camera: &camera, bounds: &bounds, march: &march };
-    seen.extend(further.compose(&mut passes, &lighting)?);
-
-    // Everything to colours.
-    let colour = shade::compose_colour(arena, look, &lighting);
-    passes.push(Role::Colour, seen, Slot::Colours, Kernel::Map(colour));
+    if settings.path.is_some() {
+        further.path(&mut passes, &lighting)?;
+    } else {
+        let mut seen = vec![Slot::Rays, Slot::Ends, Slot::Surfaces];
+        seen.extend(further.compose(&mut passes, &lighting)?);
+        // Everything to colours.
+        let colour = shade::compose_colour(arena, look, &lighting);
+        passes.push(Role::Colour, seen, Slot::Colours, Kernel::Map(colour));
+    }
     passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(compose_develop(arena, develop)));
     Ok(Pipeline { camera, bounds, plane: None, pixel_radius, tiles, passes, plan })
 }

@@ -6,6 +6,7 @@ use super::beams::{Beams, Starts};
 use super::checked::beams_hold;
 use super::passes::{self, Chain, Pass, Role, Slot};
 use super::pixels::Pixels;
+use super::traced::Tracer;
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
 use crate::film::{Tile, Window};
 use crate::kernel::records::Marched;
@@ -37,7 +38,7 @@ impl Cut {
 
 /// A pipeline made ready on a back end.
 pub struct Renderer<'b, B: Backend> {
-    backend: &'b B,
+    pub(super) backend: &'b B,
     pub(super) size: Size,
     /// Where the samples of a pixel lie in it.
     pub(super) samples: Vec<[f64; 2]>,
@@ -54,6 +55,8 @@ pub struct Renderer<'b, B: Backend> {
     shade: Chain<B>,
     /// Colours to bytes.
     encode: Chain<B>,
+    /// Points of paths to the next ones, where light is followed along paths.
+    pub(super) tracer: Option<Tracer<B>>,
     /// Whether the pixels' light is kept beside their bytes.
     pub(super) keeps_radiance: bool,
     /// How the picture is cut.
@@ -93,7 +96,7 @@ struct Part<C> {
 type Read<'a, N> = &'a [Vec<&'a [N]>];
 
 /// Adds the time of some work.
-fn timed<T>(sum: &mut Duration, work: impl FnOnce() -> T) -> T {
+pub(super) fn timed<T>(sum: &mut Duration, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = work();
     *sum += start.elapsed();
@@ -146,7 +149,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let shaded: Vec<Slot> = std::iter::once(Slot::Colours).chain(marches).collect();
         let camera = chain(&[points], &[Slot::Rays])?;
         let march = chain(&[Slot::Rays], &[Slot::Ends])?;
-        let shade = chain(&[Slot::Rays, Slot::Ends], &shaded)?;
+        let shade = chain(&[Slot::Rays, Slot::Ends], if settings.path.is_some() { &[] } else { &shaded })?;
         let encode = chain(&[Slot::Colours], &[Slot::Bytes])?;
         let beams = match &shape.tiles {
             None => None,
@@ -155,6 +158,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
                 Some((Beams::new(tiles, &shape.passes, &mut prepare)?, background))
             }
         };
+        let tracer = settings.path.map(|path| Tracer::new(&shape.passes, path, &mut prepare)).transpose()?;
         let batch = backend.batch();
         let mut renderer = Renderer {
             backend,
@@ -167,6 +171,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
             march,
             shade,
             encode,
+            tracer,
             keeps_radiance: false,
             cut: Cut::new(settings.size, batch),
             stats: Stats::default(),
@@ -291,7 +296,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
     }
 
     /// How far nothing is for any ray through each pixel of a tile; `None` without beams.
-    fn starts(&self, tile: Tile, stats: &mut Stats) -> Result<Option<Starts>, BackendError> {
+    pub(super) fn starts(&self, tile: Tile, stats: &mut Stats) -> Result<Option<Starts>, BackendError> {
         let Some((beams, _)) = &self.beams else { return Ok(None) };
         let starts = timed(&mut stats.march, || beams.starts(self.backend, tile))?;
         stats.beams += starts.beams;
@@ -306,8 +311,25 @@ impl<'b, B: Backend> Renderer<'b, B> {
         self.camera.write(self.backend, slot, &[&x, &y, &starts[..]][..inputs], Slot::Rays)
     }
 
+    /// Rays through points of pixels, one of each.
+    pub(super) fn rays_through(&self, pixels: &Pixels, x: &[f64], y: &[f64]) -> Result<B::Columns, BackendError> {
+        let starts = pixels.starts(1);
+        let (slot, inputs) = if self.beams.is_some() { (Slot::Begins, 3) } else { (Slot::Points, 2) };
+        self.camera.write(self.backend, slot, &[x, y, &starts[..]][..inputs], Slot::Rays)
+    }
+
+    /// The ends of rays.
+    pub(super) fn ends(&self, rays: &B::Columns) -> Result<B::Columns, BackendError> {
+        passes::march(self.backend, &self.march, rays)
+    }
+
+    /// What leads from points where beams found nothing to colours.
+    pub(super) fn background(&self) -> Option<&Chain<B>> {
+        self.beams.as_ref().map(|(_, background)| background)
+    }
+
     /// The bytes of colours.
-    fn encoded(&self, colours: &B::Columns) -> Result<B::Columns, BackendError> {
+    pub(super) fn encoded(&self, colours: &B::Columns) -> Result<B::Columns, BackendError> {
         let mut written = self.encode.run(self.backend, &[(Slot::Colours, colours)], |_, _| {})?;
         Ok(written.take(Slot::Bytes).expect("colours are encoded"))
     }
@@ -393,7 +415,7 @@ fn count_marches<'a, C, N: Copy + Into<f64>>(
 
 /// The bytes of a colour as [`compose_develop`](crate::film::compose_develop) gives it.
 #[inline]
-fn bytes(srgb: f64) -> [u8; 3] {
+pub(super) fn bytes(srgb: f64) -> [u8; 3] {
     // Numbers from here on are whole: the last bits of a sum are those of the whole number that was added.
     const WHOLE: f64 = (1_u64 << 52) as f64;
     let [blue, green, red, ..] = (srgb + WHOLE).to_bits().to_le_bytes();

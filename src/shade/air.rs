@@ -16,6 +16,19 @@ pub(super) struct Air<'a, 'g> {
 }
 
 impl<'g> Air<'_, 'g> {
+    /// Whether there is nothing but light.
+    pub fn is_clear(&self) -> bool {
+        self.lighting.atmosphere.fog == 0.0 && self.passing.is_none()
+    }
+
+    /// The share of the surface's light that is not lost on its way.
+    pub fn share_kept(&self) -> Expr<'g> {
+        match self.lighting.atmosphere.fog > 0.0 {
+            true => self.kept(self.seen.march.t),
+            false => self.arena.f(1.0),
+        }
+    }
+
     /// What is seen through the air: the surface where the ray hits, else the background.
     pub fn seen_through(&self, surface: Expr<'g>, background: Expr<'g>) -> Expr<'g> {
         let (arena, atmosphere) = (self.arena, &self.lighting.atmosphere);

@@ -1,14 +1,33 @@
 //! Light and colour of a pixel.
 
-use super::air::Air;
 use super::finish::Finish;
 use super::light::Incoming;
-use super::{Lighting, Seen, read_surface};
+use super::{Air, Lighting, Seen, read_surface};
 use crate::compose::paint::{paint, usable_trap};
 use crate::expr::{Arena, Expr, Function, Inputs};
 use crate::graph::Look;
 use crate::kernel::records::{Colour, Marched, Matter, Painted};
 use crate::march::{openness, share_lit};
+
+/// A surface as it is looked at: where it faces, and what it is made of.
+pub(super) struct Face<'g> {
+    /// Gradient of the distance.
+    pub gradient: Expr<'g>,
+    /// What it is made of.
+    pub matter: Matter<Expr<'g>>,
+}
+
+impl<'g> Face<'g> {
+    /// Takes what is known of surfaces as the next inputs of a function.
+    pub fn read(look: &Look, inputs: &mut Inputs<'g>) -> Face<'g> {
+        let (surface, painted) = read_surface(inputs, look);
+        let albedo = match painted {
+            None => paint(look, &look.palette, usable_trap(surface.trap), None),
+            Some(Painted { albedo }) => albedo,
+        };
+        Face { gradient: surface.gradient, matter: Matter::of_colour(albedo) }
+    }
+}
 
 /// What the colour of a pixel is made of besides its ray, its end and its surface: marches of other rays.
 struct Others<'g> {
@@ -37,16 +56,11 @@ impl<'g> Others<'g> {
 pub fn compose_colour(arena: &Arena, look: &Look, lighting: &Lighting) -> Function {
     let mut inputs = Inputs::new(arena);
     let seen = Seen::read(&mut inputs);
-    let (surface, painted) = read_surface(&mut inputs, look);
+    let face = Face::read(look, &mut inputs);
     let others = Others::read(&mut inputs, lighting);
     let mut function = inputs.function("colour");
-    let normal = facing_normal(surface.gradient, seen.ray.direction);
-    let albedo = match painted {
-        None => paint(look, &look.palette, usable_trap(surface.trap), None),
-        Some(Painted { albedo }) => albedo,
-    };
-    let matter = Matter::of_colour(albedo);
-    let shown = reflected(arena, lighting, &seen, (normal, &matter), &others);
+    let normal = facing_normal(face.gradient, seen.ray.direction);
+    let shown = reflected(arena, lighting, &seen, (normal, &face.matter), &others);
     let background = lighting.background(arena, seen.ray.direction);
     let air = Air { arena, lighting, seen: &seen, passing: others.passing };
     Colour { colour: air.seen_through(shown, background) }.write(&mut function);
@@ -54,7 +68,7 @@ pub fn compose_colour(arena: &Arena, look: &Look, lighting: &Lighting) -> Functi
 }
 
 /// The gradient, turned towards the viewer; one that is 0, not a number or infinite becomes the view direction.
-fn facing_normal<'g>(gradient: Expr<'g>, direction: Expr<'g>) -> Expr<'g> {
+pub(super) fn facing_normal<'g>(gradient: Expr<'g>, direction: Expr<'g>) -> Expr<'g> {
     let arena = gradient.arena;
     // Of length 1 where it is anything; beyond, derivatives have overflowed.
     let size_sq = gradient.dot(gradient);

@@ -5,7 +5,7 @@
 //! Schlick's approximation (1994) at the angle of view, the base under it does not get.
 
 use crate::expr::Expr;
-use crate::kernel::records::Matter;
+use crate::kernel::records::{Matter, Random};
 
 /// Least width of the microfacets' distribution: narrower ones show a lamp as a point that no pixel meets.
 const LEAST_ALPHA: f64 = 2e-3;
@@ -75,6 +75,42 @@ impl<'g> Facets<'g> {
         let masked = |a: Expr<'g>, b: Expr<'g>| a * (b * b * (1.0 - square) + square).sqrt();
         let masking = masked(cos_light, self.cos_view) + masked(self.cos_view, cos_light);
         square * self.gain * 0.5 / (peak * peak * masking.max(square.lift(1e-6)))
+    }
+}
+
+impl<'g> Facets<'g> {
+    /// A normal of the facets that are seen, by two random numbers (Heitz, 2018).
+    fn visible(&self, normal: Expr<'g>, view: Expr<'g>, (u, v): (Expr<'g>, Expr<'g>)) -> Expr<'g> {
+        let arena = view.arena;
+        let zero = arena.f(0.0);
+        let (right, up) = super::path::frame_of(normal);
+        let (x, y, z) = (view.dot(right) * self.alpha, view.dot(up) * self.alpha, self.cos_view);
+        let stretched = arena.compose(&[x, y, z]).normalize();
+        let parts = stretched.components();
+        let flat = parts[0] * parts[0] + parts[1] * parts[1];
+        let across = arena.compose(&[-parts[1], parts[0], zero]) / flat.max(arena.f(1e-12)).sqrt();
+        let first = arena.f(1e-9).lt(flat).select(across, arena.v3([1.0, 0.0, 0.0]));
+        let second = stretched.cross(first);
+        let (radius, angle) = (u.sqrt(), v * std::f64::consts::TAU);
+        let (a, b) = (radius * angle.cos(), radius * angle.sin());
+        let share = (parts[2] + 1.0) * 0.5;
+        let b = (1.0 - share) * (1.0 - a * a).max(zero).sqrt() + share * b;
+        let c = (1.0 - a * a - b * b).max(zero).sqrt();
+        let on_ball = first * a + second * b + stretched * c;
+        let parts = on_ball.components();
+        let half = arena.compose(&[parts[0] * self.alpha, parts[1] * self.alpha, parts[2].max(arena.f(1e-6))]);
+        let parts = half.normalize().components();
+        right * parts[0] + up * parts[1] + normal * parts[2]
+    }
+
+    /// The density, by solid angle, of what mirrors by a visible normal `half` between view and direction.
+    fn density(&self, normal: Expr<'g>, half: Expr<'g>) -> Expr<'g> {
+        let square = self.alpha * self.alpha;
+        let cos_half = normal.dot(half);
+        let peak = cos_half * cos_half * (square - 1.0) + 1.0;
+        let cosine = self.cos_view;
+        let masked = cosine + (cosine * cosine * (1.0 - square) + square).sqrt();
+        square / (peak * peak * masked * (2.0 * std::f64::consts::PI))
     }
 }
 
@@ -149,6 +185,61 @@ impl<'g> Finish<'g> {
             None => all,
             Some((_, reflectance)) => all * (1.0 - *reflectance) + mirrored(reflected, arena.f(0.0)) * *reflectance,
         }
+    }
+
+    /// The chances that a path is scattered by the coat and by the layer; the rest is the base's.
+    fn chances(&self) -> (Expr<'g>, Expr<'g>) {
+        let arena = self.base.arena;
+        let mean = |colour: Expr<'g>| {
+            let parts = colour.components();
+            (parts[0] + parts[1] + parts[2]) * (1.0 / 3.0)
+        };
+        let (layer, base) = (mean(self.reflectance), mean(self.base));
+        let of_layer = layer / (layer + base).max(arena.f(1e-6));
+        // Neither is left out where it adds light.
+        let least = arena.f(0.0).lt(base).select(arena.f(0.9), arena.f(1.0));
+        let of_layer = of_layer.max(arena.f(0.1)).min(least);
+        match &self.coat {
+            None => (arena.f(0.0), of_layer),
+            Some((_, reflectance)) => {
+                let of_coat = (*reflectance / (*reflectance + layer + base).max(arena.f(1e-6))).max(arena.f(0.1));
+                (of_coat, (1.0 - of_coat) * of_layer)
+            }
+        }
+    }
+
+    /// A direction in which a path goes on, what of its light comes from there (times the cosine), and the density of the direction.
+    pub fn scattered(&self, random: &Random<Expr<'g>>) -> (Expr<'g>, Expr<'g>, Expr<'g>) {
+        let arena = self.base.arena;
+        let (of_coat, of_layer) = self.chances();
+        let matte = super::path::around(self.normal, (1.0 - random.u).max(arena.f(0.0)).sqrt(), random.v);
+        let mirrored = |facets: &Facets<'g>| {
+            let half = facets.visible(self.normal, self.view, (random.u, random.v));
+            half * (half.dot(self.view) * 2.0) - self.view
+        };
+        let below = random.lobe.lt(of_coat + of_layer).select(mirrored(&self.facets), matte);
+        let direction = match &self.coat {
+            None => below,
+            Some((facets, _)) => random.lobe.lt(of_coat).select(mirrored(facets), below),
+        };
+        let direction = direction.normalize();
+        let value = self.lit(direction) * (1.0 / std::f64::consts::PI);
+        (direction, value, self.density(direction))
+    }
+
+    /// The density, by solid angle, with which [`Finish::scattered`] gives a direction.
+    pub fn density(&self, direction: Expr<'g>) -> Expr<'g> {
+        let arena = self.base.arena;
+        let (of_coat, of_layer) = self.chances();
+        let cosine = self.normal.dot(direction).max(arena.f(0.0));
+        let half = (direction + self.view).normalize();
+        let matte = cosine * (1.0 / std::f64::consts::PI);
+        let layer = self.facets.density(self.normal, half);
+        let mut all = layer * of_layer + matte * (1.0 - of_coat - of_layer);
+        if let Some((facets, _)) = &self.coat {
+            all = all + facets.density(self.normal, half) * of_coat;
+        }
+        arena.f(0.0).lt(cosine).select(all, arena.f(0.0))
     }
 
     /// What it emits itself, where it does.

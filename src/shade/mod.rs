@@ -8,13 +8,16 @@ mod colour;
 mod finish;
 mod light;
 mod lighting;
+mod path;
 mod plane;
 mod secondary;
 mod sky;
 
+use air::Air;
 pub use colour::compose_colour;
 pub use light::{Incoming, placed};
 pub use lighting::Lighting;
+pub use path::{Paths, first_path};
 pub use plane::{compose_plane_camera, compose_plane_colour, compose_plane_point, facing, pixel_size};
 pub use secondary::{compose_corner_ray, compose_shadow_ray};
 pub use sky::Irradiance;

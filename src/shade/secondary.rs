@@ -55,7 +55,7 @@ pub fn compose_corner_ray(
     let mut function = inputs.function("corner_ray");
     let (ray, t) = (seen.ray, seen.march.t);
     let hit_eps = threshold.at(t);
-    let origin = ray.origin + ray.direction * seen.front(hit_eps);
+    let origin = ray.origin + ray.direction * t;
     let height: Expr = match reach {
         Some(reach) => arena.f(reach),
         None => (t * SHARE_OF_DEPTH).min(arena.f(bounding_radius * SHARE_OF_BOUNDS)),

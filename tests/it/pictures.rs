@@ -176,8 +176,8 @@ impl<B: Backend> Backend for Counting<'_, B> {
 /// A ball of radius 1 from 5 away covers half of a square view of 0.5 radians: a disc of 38.4 of 96 pixels. Beams leave most of
 /// the other half out, and what is seen there is what marches of its rays would have led to.
 fn what_is_empty_is_not_marched(backend: &impl Backend, precision: Precision, most: u8) {
-    // Without marches to the sun.
-    let unlit = BALL.replace("output:", "look: (shadows: false), output:");
+    // Without marches to the sun and along normals.
+    let unlit = BALL.replace("output:", "look: (shadows: false, occlusion: 0.0), output:");
     let ball = Formula::from_ron(&unlit).unwrap_or_else(|error| panic!("{error}"));
     for samples in [1, 2] {
         let size = Size { width: 96, height: 96 };

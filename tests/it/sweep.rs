@@ -33,7 +33,7 @@ fn frames_share_kernels_and_are_right(folder: &Path, backend: &str, most_differe
     let report = render(folder, backend, &[&sweep[..], &["--frames", "5", "-o", "f%02d.png"]].concat());
     assert_eq!(report["frames"], 5);
     // So small a picture has none of the four kernels of beams, but `camera`.
-    assert_eq!(report["kernels_compiled"], 8, "{report}");
+    assert_eq!(report["kernels_compiled"], 10, "{report}");
     assert_eq!(report["structures"], serde_json::json!({}), "{report}");
     // The third of five, half the way.
     let own = ["--set", "power=6.4", "--fov", "45", "--camera", "1.35,-2.1,1.2", "-o", "own.png"];
