@@ -6,7 +6,9 @@ use std::{env, fs};
 
 fn main() {
     let mut code = String::new();
-    for (folder, extension) in [("steps", "rhai"), ("fractals", "ron"), ("scripts", "rhai")] {
+    const FOLDERS: [(&str, &str); 5] =
+        [("steps", "rhai"), ("fractals", "ron"), ("scripts", "rhai"), ("palettes", "ron"), ("materials", "rhai")];
+    for (folder, extension) in FOLDERS {
         let path = Path::new("formulas").join(folder);
         println!("cargo::rerun-if-changed={}", path.display());
         let _ = writeln!(code, "/// Name and text of each file in `formulas/{folder}/`.");

@@ -50,6 +50,7 @@ pub mod calibrate;
 #[cfg(feature = "chart")]
 pub mod chart;
 pub mod check;
+pub mod colour;
 pub mod compose;
 pub mod diag;
 pub mod engine;

@@ -10,6 +10,7 @@ const ORDER: &[&str] = &[
     "files",
     "expr",
     "formula",
+    "colour",
     "graph",
     "kernel",
     "compose",
