@@ -20,6 +20,7 @@ pub mod enclose;
 mod function;
 mod functions;
 mod linear;
+pub mod noise;
 pub mod notation;
 pub mod ops;
 pub mod print;

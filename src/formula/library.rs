@@ -1,10 +1,11 @@
-//! The steps that formulas can use: the built-in ones and those of a user's folders, found and read alike.
+//! The steps and materials that formulas can use: the built-in ones and those of a user's folders, found and read alike.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use super::embedded;
+use super::material::{Material, is_material_text};
 use super::script::ScriptEngine;
 use super::shape::is_step_text;
 use super::step::Step;
@@ -21,8 +22,9 @@ pub struct Library {
     pub sources: Sources,
     /// Runs step files, parameter expressions and graph scripts.
     pub engine: Arc<ScriptEngine>,
-    steps: BTreeMap<String, Arc<Entry>>,
-    /// Names of step files with errors.
+    steps: BTreeMap<String, Arc<Entry<Step>>>,
+    materials: BTreeMap<String, Arc<Entry<Material>>>,
+    /// Names of step and material files with errors.
     broken: BTreeSet<String>,
     /// Whether steps are read that lie in a folder of another user. They are scripts that the user did not name.
     pub trusts_others: bool,
@@ -32,11 +34,23 @@ pub struct Library {
     piped: BTreeMap<PathBuf, String>,
 }
 
-/// A step's file, and the step. Built-in ones are read when they are first asked for: a picture needs few of them, and to
+/// The file of a step or material, and what it holds. Built-in ones are read when they are first asked for: a picture needs few of them, and to
 /// read all takes longer than a small one.
-struct Entry {
+struct Entry<T> {
     text: SourceId,
-    step: OnceLock<Arc<Step>>,
+    read: OnceLock<Arc<T>>,
+}
+
+impl<T> Entry<T> {
+    /// What the file holds. Panics if a built-in file has an error, which a test rules out.
+    fn get(&self, library: &Library, read: impl Fn(&mut Diagnostics) -> Option<T>) -> &Arc<T> {
+        self.read.get_or_init(|| {
+            let mut diagnostics = Diagnostics::default();
+            let found = read(&mut diagnostics);
+            let errors = || diagnostics.render(&library.sources, false);
+            Arc::new(found.unwrap_or_else(|| panic!("built-in files are broken:\n{}", errors())))
+        })
+    }
 }
 
 impl Library {
@@ -52,6 +66,7 @@ impl Library {
             sources: Sources::default(),
             engine: Arc::new(ScriptEngine::new()),
             steps: BTreeMap::new(),
+            materials: BTreeMap::new(),
             broken: BTreeSet::new(),
             trusts_others: false,
             inputs: Vec::new(),
@@ -59,43 +74,65 @@ impl Library {
         };
         for (name, text) in embedded::STEPS {
             let text = library.sources.add(format!("formulas/steps/{name}.rhai"), *text);
-            library.steps.insert(name.to_string(), Arc::new(Entry { text, step: OnceLock::new() }));
+            library.steps.insert(name.to_string(), Arc::new(Entry { text, read: OnceLock::new() }));
+        }
+        for (name, text) in embedded::MATERIALS {
+            let text = library.sources.add(format!("formulas/materials/{name}.rhai"), *text);
+            library.materials.insert(name.to_string(), Arc::new(Entry { text, read: OnceLock::new() }));
         }
         library
     }
 
-    /// Panics if a built-in file has an error, which a test rules out.
-    fn read<'a>(&self, name: &str, entry: &'a Entry) -> &'a Arc<Step> {
-        entry.step.get_or_init(|| {
-            let mut diagnostics = Diagnostics::default();
-            let step = Step::read(&self.engine, &self.sources, entry.text, name, &mut diagnostics);
-            let errors = || diagnostics.render(&self.sources, false);
-            Arc::new(step.unwrap_or_else(|| panic!("built-in steps are broken:\n{}", errors())))
-        })
+    fn read<'a>(&self, name: &str, entry: &'a Entry<Step>) -> &'a Arc<Step> {
+        entry.get(self, |d| Step::read(&self.engine, &self.sources, entry.text, name, d))
+    }
+
+    fn read_material<'a>(&self, name: &str, entry: &'a Entry<Material>) -> &'a Arc<Material> {
+        entry.get(self, |d| Material::read(&self.engine, &self.sources, entry.text, name, d))
     }
 
     fn add_step(&mut self, name: &str, id: SourceId, diagnostics: &mut Diagnostics) {
         let mut own = Diagnostics::default();
         let step = Step::read(&self.engine, &self.sources, id, name, &mut own);
         let unknown = Step::unknown_names(&self.engine, &self.sources, id, step.as_ref());
-        let step = step.filter(|_| unknown.is_empty());
+        if let Some(step) = self.without_errors(name, step, own, unknown, diagnostics) {
+            let entry = Entry { text: id, read: OnceLock::from(Arc::new(step)) };
+            self.steps.insert(name.to_string(), Arc::new(entry));
+        }
+    }
+
+    fn add_material(&mut self, name: &str, id: SourceId, diagnostics: &mut Diagnostics) {
+        let mut own = Diagnostics::default();
+        let material = Material::read(&self.engine, &self.sources, id, name, &mut own);
+        let unknown = Material::unknown_names(&self.engine, &self.sources, id, material.as_ref());
+        if let Some(material) = self.without_errors(name, material, own, unknown, diagnostics) {
+            let entry = Entry { text: id, read: OnceLock::from(Arc::new(material)) };
+            self.materials.insert(name.to_string(), Arc::new(entry));
+        }
+    }
+
+    /// What was read of a file, where its text names nothing unknown; otherwise the file is a broken one.
+    fn without_errors<T>(
+        &mut self,
+        name: &str,
+        read: Option<T>,
+        own: Diagnostics,
+        unknown: Vec<Diagnostic>,
+        diagnostics: &mut Diagnostics,
+    ) -> Option<T> {
+        let read = read.filter(|_| unknown.is_empty());
         // What stops the description is told once, and in the better words.
         let is_new = |found: &Diagnostic| unknown.iter().all(|known| known.span() != found.span());
         diagnostics.extend(own.into_iter().filter(is_new).collect::<Vec<_>>());
         diagnostics.extend(unknown);
-        match step {
-            Some(step) => {
-                self.broken.remove(name);
-                let entry = Entry { text: id, step: OnceLock::from(Arc::new(step)) };
-                self.steps.insert(name.to_string(), Arc::new(entry));
-            }
-            None => {
-                self.broken.insert(name.to_string());
-            }
+        match read.is_some() {
+            true => drop(self.broken.remove(name)),
+            false => drop(self.broken.insert(name.to_string())),
         }
+        read
     }
 
-    /// Reads every `*.rhai` of a folder as a step. A step of a built-in name replaces the built-in one, with a warning.
+    /// Reads every `*.rhai` of a folder as a step or a material. One of a built-in name replaces the built-in one, with a warning.
     pub fn add_folder(&mut self, folder: &Path, diagnostics: &mut Diagnostics) {
         let entries = match std::fs::read_dir(folder) {
             Ok(entries) => entries,
@@ -112,7 +149,7 @@ impl Library {
         }
     }
 
-    /// Reads the steps that lie beside a formula file: every `*.rhai` that defines `fn step` or `fn distance`. An empty path is the current
+    /// Reads the steps and materials that lie beside a formula file: every `*.rhai` that defines `fn step`, `fn distance` or `fn material`. An empty path is the current
     /// folder. Files that are too large or not regular, and files of another user, are left out with a warning.
     pub fn add_beside(&mut self, folder: &Path, diagnostics: &mut Diagnostics) {
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
@@ -128,7 +165,7 @@ impl Library {
         for file in files.into_iter().filter(|file| file.extension().is_some_and(|e| e == "rhai")) {
             match read_text(&file, MAX_TEXT, Chosen::Found) {
                 Err(error) => left_out(&file, &error.to_string()),
-                Ok(text) if !is_step_text(&text) => {}
+                Ok(text) if !is_step_text(&text) && !is_material_text(&text) => {}
                 Ok(_) if !self.trusts_others && (is_others || is_foreign(&file)) => foreign = Some(file),
                 Ok(text) if bytes + text.len() > MAX_BESIDE => left_out(&file, "there are too many scripts beside it"),
                 Ok(text) => {
@@ -180,19 +217,43 @@ impl Library {
         &self.inputs
     }
 
-    /// Reads a step from its text; the file's name names it.
+    /// Reads a step or a material from its text; the file's name names it.
     pub fn add_step_text(&mut self, file: &Path, text: String, diagnostics: &mut Diagnostics) {
         let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         self.inputs.extend(FileId::of(file));
-        if let Some(known) = self.steps.get(&name) {
-            if self.sources.text(known.text) == text {
+        let is_material = is_material_text(&text);
+        let (what, known) = match is_material {
+            true => ("material", self.materials.get(&name).map(|known| known.text)),
+            false => ("step", self.steps.get(&name).map(|known| known.text)),
+        };
+        if let Some(known) = known {
+            if self.sources.text(known) == text {
                 return;
             }
-            let message = format!("the step `{name}` of {} replaces the built-in step of that name", file.display());
+            let message =
+                format!("the {what} `{name}` of {} replaces the built-in {what} of that name", file.display());
             diagnostics.push(Diagnostic::warning(message).label(Span::NONE, ""));
         }
         let id = self.sources.add(file.display().to_string(), text);
-        self.add_step(&name, id, diagnostics);
+        match is_material {
+            true => self.add_material(&name, id, diagnostics),
+            false => self.add_step(&name, id, diagnostics),
+        }
+    }
+
+    /// The material of this name.
+    pub fn material(&self, name: &str) -> Option<&Arc<Material>> {
+        self.materials.get(name).map(|entry| self.read_material(name, entry))
+    }
+
+    /// All materials by name.
+    pub fn materials(&self) -> impl Iterator<Item = &Arc<Material>> {
+        self.materials.iter().map(|(name, entry)| self.read_material(name, entry))
+    }
+
+    /// Names of all materials.
+    pub fn material_names(&self) -> impl Iterator<Item = &str> {
+        self.materials.keys().map(String::as_str)
     }
 
     /// The step of this name.
@@ -228,7 +289,7 @@ mod tests {
     #[test]
     fn built_in_steps_are_read_when_they_are_asked_for() {
         let library = Library::unread();
-        let read = || library.steps.values().filter(|entry| entry.step.get().is_some()).count();
+        let read = || library.steps.values().filter(|entry| entry.read.get().is_some()).count();
         assert_eq!((read(), library.names().count()), (0, embedded::STEPS.len()));
         assert_eq!(library.step("box_fold").expect("a built-in step").name, "box_fold");
         assert!(library.step("no_such_step").is_none());

@@ -48,7 +48,7 @@ pub(super) struct Known<'a> {
 }
 
 /// Functions of step files: which argument holds the parameters, and how many before it are vectors of the orbit.
-const ENTRIES: [(&str, usize, usize, usize); 10] = [
+const ENTRIES: [(&str, usize, usize, usize); 11] = [
     ("step", 3, 2, 2),
     ("step", 4, 2, 2),
     ("derivative", 3, 2, 1),
@@ -59,6 +59,7 @@ const ENTRIES: [(&str, usize, usize, usize); 10] = [
     ("bend", 4, 3, 2),
     ("tube", 5, 4, 2),
     ("chord", 5, 4, 2),
+    ("material", 2, 1, 0),
 ];
 
 /// Most names that are reported for one script.

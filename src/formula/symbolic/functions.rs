@@ -4,6 +4,7 @@ use rhai::{Dynamic, Engine, FLOAT, INT, NativeCallContext};
 
 use super::operators::{apply, of_numbers};
 use super::{Fallible, Part, mark, to_part};
+use crate::expr::noise::MOST_OCTAVES;
 use crate::expr::ops::Operator;
 use crate::expr::{Arena, Expr, Type};
 
@@ -43,6 +44,14 @@ pub const FUNCTIONS: &[(&str, &str)] = &[
     ("cross(a, b)", "The vector product of two vectors of three components."),
     ("reflect(v, n)", "The vector mirrored in the plane through 0 whose normal has length 1: v - 2 dot(n, v) n."),
     ("mat_mul(rows, v)", "A matrix, given as a list of its rows, times a vector."),
+    (
+        "noise(v)",
+        "Smooth noise at a point of three components, about from -1 to 1, with features of size 1; the same on every back end.",
+    ),
+    (
+        "fbm(v, octaves)",
+        "A sum of 1 to 8 noises, each of half the size and half the height of the one before; about from -1.5 to 1.5.",
+    ),
     ("is_constant(a)", "Whether the value is known while the script runs, so that `if` may ask for it."),
 ];
 
@@ -198,6 +207,27 @@ fn register_vectors(engine: &mut Engine, names: &mut Vec<&'static str>) {
         }
     });
     register_matrix(engine, names);
+    register_noise(engine, names);
+}
+
+fn register_noise(engine: &mut Engine, names: &mut Vec<&'static str>) {
+    function!(engine, names, "noise", |arena, v| Ok(super::to_dynamic(to_point(arena, &v, "noise")?.noise())));
+    function!(engine, names, "fbm", |arena, v, octaves| {
+        let count = octaves.as_int().unwrap_or(0);
+        if !(1..=MOST_OCTAVES).contains(&count) {
+            return Err(format!("`fbm` needs a whole number of octaves from 1 to {MOST_OCTAVES}").into());
+        }
+        Ok(super::to_dynamic(to_point(arena, &v, "fbm")?.octaves(count as u32)))
+    });
+}
+
+/// A vector argument of three components.
+fn to_point<'g>(arena: &'g Arena, value: &Dynamic, function: &str) -> Fallible<Expr<'g>> {
+    let part = to_vector(arena, value, function)?;
+    match part.width() {
+        3 => Ok(part.expr),
+        _ => Err(format!("`{function}` needs a vec3, found a {}", part.type_name()).into()),
+    }
 }
 
 fn register_matrix(engine: &mut Engine, names: &mut Vec<&'static str>) {
