@@ -52,6 +52,7 @@ impl<'a> OrbitBuilder<'a> {
             (_, Some(joined)) => function.output("de", joined.d),
             (purpose, None) => self.finish_end(function, (state, &end), constants, (purpose, n)),
         }
+        self.finish_notes(function, &state.notes, state.z, n);
         if let (Purpose::Decision, Method::Combined, Some(dr)) = (self.purpose, self.choice.method, end.dr) {
             let gradient = self.gradient(&end, constants.h).map_or(arena.f(0.0), scaled_length);
             function.output("part", dr.lt(gradient).select(arena.f(1.0), arena.f(0.0)));

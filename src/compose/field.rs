@@ -2,8 +2,9 @@
 
 use super::footprint::{follows_footprint, is_marked};
 use super::maps::{Moved, param_map};
+use super::matter::{self, Painter, write_matter};
 use super::orbit::compose_orbit;
-use super::paint::{paint, untouched, usable_trap};
+use super::paint::{Marked, untouched};
 use super::placement::{Frame, Place, copies, farther_copies};
 use super::unrolled::unrolled;
 use super::value::FieldValue;
@@ -12,9 +13,9 @@ use crate::expr::enclose::Encloser;
 use crate::expr::{Arena, Differentiator, Expr, Function, Port, Type};
 use crate::formula::step::Step;
 use crate::graph::{
-    DeForm, Method, NodeKind, NodeRef, OrbitSettings, Palette, ParamInput, Part, Primitive, SphereForm, Tiling,
+    DeForm, Marks, Method, NodeKind, NodeRef, OrbitSettings, ParamInput, Part, Primitive, SphereForm, Tiling,
 };
-use crate::kernel::records::{Answer, Painted, Query, Surface};
+use crate::kernel::records::{Answer, Matter, Query, Surface};
 use crate::kernel::{Estimator, Orbit};
 use crate::math::Precision;
 
@@ -116,9 +117,32 @@ fn field_primitives(composer: &Composer) -> Vec<NodeRef> {
 
 /// Builds the estimator of the whole field. `choices` has one entry for each of [`field_orbits`].
 pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpose) -> ComposeResult<Estimator> {
-    if purpose == Purpose::Surface && choices.iter().any(|choice| choice.stops) {
-        return super::soft::compose_soft_surface(composer, choices);
+    match purpose == Purpose::Surface && choices.iter().any(|choice| choice.stops) {
+        true => super::soft::compose_soft_surface(composer, choices),
+        false => compose_showing(composer, choices, purpose, Shows::Matter),
     }
+}
+
+/// An estimator for surfaces of a painted look whose outputs are the numbers of [`Painter::tones`], as a [`Matter`] without constants.
+pub fn compose_tones(composer: &Composer, choices: &[Choice]) -> ComposeResult<Estimator> {
+    compose_showing(composer, choices, Purpose::Surface, Shows::Tones)
+}
+
+/// What a surface's matter holds.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shows {
+    /// What it is made of.
+    Matter,
+    /// The numbers that its layers are placed by.
+    Tones,
+}
+
+fn compose_showing(
+    composer: &Composer,
+    choices: &[Choice],
+    purpose: Purpose,
+    shows: Shows,
+) -> ComposeResult<Estimator> {
     let specs = field_orbits(composer);
     let mut orbits = Vec::new();
     for (i, (spec, choice)) in specs.iter().zip(choices).enumerate() {
@@ -130,8 +154,9 @@ pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpo
     let mut combine = Function::new("combine", inputs);
     let Query { p, .. } = Query::first(composer.arena);
     let (at, n) = (p, composer.arena.f(0.0));
-    let palette = &composer.graph.scene.look.palette;
-    let field = FieldBuilder { composer, specs: &specs, choices, leaves: Some(&leaves), purpose, at, n, palette };
+    let painter = Painter::of_look(&composer.graph.scene.look);
+    let field =
+        FieldBuilder { composer, specs: &specs, choices, leaves: Some(&leaves), purpose, at, n, painter, shows };
     field.outputs(&mut combine)?;
     drop_unread(composer.arena, &mut orbits, &combine);
     Ok(Estimator { orbits, combine })
@@ -184,8 +209,9 @@ pub(super) struct FieldBuilder<'a, 'g> {
     pub(super) at: Expr<'g>,
     /// Number of the iteration, which parameters of shapes may depend on.
     pub(super) n: Expr<'g>,
-    /// Colours of the part that is looked up.
-    pub(super) palette: &'a Palette,
+    /// The paint of the part that is looked up.
+    pub(super) painter: Painter<'a>,
+    pub(super) shows: Shows,
 }
 
 /// The signed distance of a field from a point of its frame, three or four components: what end shapes say. Orbits in it
@@ -197,8 +223,8 @@ pub(super) fn shape_at<'g>(
     n: Expr<'g>,
 ) -> ComposeResult<Expr<'g>> {
     let purpose = Purpose::Estimate;
-    let palette = &composer.graph.scene.look.palette;
-    let builder = FieldBuilder { composer, specs: &[], choices: &[], leaves: None, purpose, at: z, n, palette };
+    let (painter, shows) = (Painter::of_look(&composer.graph.scene.look), Shows::Matter);
+    let builder = FieldBuilder { composer, specs: &[], choices: &[], leaves: None, purpose, at: z, n, painter, shows };
     Ok(builder.value(field, &Frame::default())?.d)
 }
 
@@ -212,9 +238,14 @@ impl<'g> FieldBuilder<'_, 'g> {
             }
             Purpose::Surface => {
                 let gradient = value.gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
-                Surface { gradient, trap: value.trap.unwrap_or_else(|| untouched(arena)) }.write(combine);
-                if let Some(albedo) = value.albedo {
-                    Painted { albedo }.write(combine);
+                match (self.shows, value.matter) {
+                    (Shows::Tones, Some(tones)) => tones.write(combine),
+                    (_, matter) => {
+                        Surface { gradient, trap: value.trap.unwrap_or_else(|| untouched(arena)) }.write(combine);
+                        matter.into_iter().for_each(|matter| {
+                            write_matter(&self.composer.graph.scene.look, matter, combine);
+                        });
+                    }
                 }
             }
             Purpose::Probe => {
@@ -246,22 +277,50 @@ impl<'g> FieldBuilder<'_, 'g> {
     /// The value of a node.
     pub(super) fn value(&self, node: NodeRef, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
         let graph = self.composer.graph;
-        let is_it = |part: &&Part| match graph.node(node).kind {
+        let is_it = |part: &Part| match graph.node(node).kind {
             NodeKind::Orbit { of, .. } => part.node == of || part.node == node,
             _ => part.node == node,
         };
-        match graph.scene.look.parts.iter().find(is_it) {
-            Some(part) => FieldBuilder { palette: &part.palette, ..*self }.value_of(node, frame),
+        let parts = &graph.scene.look.parts;
+        match parts.iter().position(is_it) {
+            Some(i) => {
+                let painter = Painter { paint: &parts[i].paint, number: i + 1 };
+                FieldBuilder { painter, ..*self }.value_of(node, frame)
+            }
             None => self.value_of(node, frame),
         }
     }
 
-    /// The colour of the part that is looked up, where parts have colours of their own.
-    fn albedo(&self, trap: Option<Expr<'g>>) -> Option<Expr<'g>> {
-        let graph = self.composer.graph;
-        let trap = trap.filter(|_| !graph.scene.look.parts.is_empty())?;
+    /// What the part that is looked up is made of, where the look is painted: traps, normal, iterations and what the orbit noted.
+    fn matter(
+        &self,
+        frame: &Frame,
+        (trap, normal): (Expr<'g>, Expr<'g>),
+        iterations: Expr<'g>,
+        marked: &Marked<'g>,
+    ) -> ComposeResult<Option<Matter<Expr<'g>>>> {
+        let Composer { arena, graph, .. } = *self.composer;
+        if self.purpose != Purpose::Surface || !graph.scene.look.is_painted() {
+            return Ok(None);
+        }
+        let Query { d, hit_eps, .. } = Query::first(arena);
+        let place = matter::Place {
+            position: self.local(frame)?.xyz(),
+            normal,
+            view: -d,
+            footprint: hit_eps,
+            trap,
+            caught: marked.caught,
+            places: marked.places,
+            iterations,
+            smooth: marked.smooth,
+            radius: marked.radius,
+        };
         let across = graph.scene.plane.map(|plane| cross(plane.right, plane.up));
-        Some(paint(&graph.scene.look, self.palette, usable_trap(trap), across))
+        match self.shows {
+            Shows::Matter => self.painter.matter(self.composer, &place, across).map(Some),
+            Shows::Tones => Ok(Some(self.painter.tones(self.composer, &place))),
+        }
     }
 
     fn value_of(&self, node: NodeRef, frame: &Frame) -> ComposeResult<FieldValue<'g>> {
@@ -370,9 +429,16 @@ impl<'g> FieldBuilder<'_, 'g> {
             }
             false => d,
         };
-        let (trap, shallow) = (shown(1), (!is_shape).then_some(inside));
-        let albedo = self.albedo(trap);
-        Ok(FieldValue { d, inside, unclear: None, shallow, gradient: shown(0), trap, albedo, decider })
+        let (gradient, trap, shallow) = (shown(0), shown(1), (!is_shape).then_some(inside));
+        let matter = match (trap, gradient) {
+            (Some(trap), Some(gradient)) => {
+                let look = &self.composer.graph.scene.look;
+                let marked = Marked::read(self.composer.arena, look.marks(), &leaf.outputs[3..]);
+                self.matter(frame, (trap, gradient), leaf.n, &marked)?
+            }
+            _ => None,
+        };
+        Ok(FieldValue { d, inside, unclear: None, shallow, gradient, trap, matter, decider })
     }
 
     /// Of a large set that rays come to from far away: half the way to its middle is the most that an estimate says, since
@@ -403,7 +469,7 @@ impl<'g> FieldBuilder<'_, 'g> {
             }
             _ => signed_distance(primitive, local),
         };
-        let value = self.own(node, d, d.le(limit), smooth);
+        let value = self.own((node, frame), d, d.le(limit), smooth)?;
         let is_flat = matches!(primitive, Primitive::Sphere { form: SphereForm::Solid | SphereForm::Shell, .. });
         Ok(FieldValue { shallow: is_flat.then_some(value.inside), ..value })
     }
@@ -426,7 +492,7 @@ impl<'g> FieldBuilder<'_, 'g> {
             Purpose::Proof => self.proven_empty(d),
             _ => self.back(frame, d)?,
         };
-        Ok(self.own(node, empty, d.le(arena.f(0.0)), d))
+        self.own((node, frame), empty, d.le(arena.f(0.0)), d)
     }
 
     /// How far around the point a shape's distance `d` is proven to stay above 0: `h` or nothing. What the shape's file says of
@@ -439,7 +505,13 @@ impl<'g> FieldBuilder<'_, 'g> {
     }
 
     /// A field with a distance of its own; `smooth` has the normal.
-    fn own(&self, node: NodeRef, d: Expr<'g>, inside: Expr<'g>, smooth: Expr<'g>) -> FieldValue<'g> {
+    fn own(
+        &self,
+        (node, frame): (NodeRef, &Frame),
+        d: Expr<'g>,
+        inside: Expr<'g>,
+        smooth: Expr<'g>,
+    ) -> ComposeResult<FieldValue<'g>> {
         let arena = self.composer.arena;
         let surface = self.purpose == Purpose::Surface;
         let gradient = surface.then(|| {
@@ -451,8 +523,14 @@ impl<'g> FieldBuilder<'_, 'g> {
             arena.f((2 * self.specs.len() + k) as f64)
         });
         let trap = surface.then(|| untouched(arena));
-        let albedo = self.albedo(trap);
-        FieldValue { d, inside, unclear: None, shallow: None, gradient, trap, albedo, decider }
+        let matter = match (trap, gradient) {
+            (Some(trap), Some(gradient)) => {
+                let nothing = Marked::read(arena, Marks::default(), &[]);
+                self.matter(frame, (trap, gradient), arena.f(0.0), &nothing)?
+            }
+            _ => None,
+        };
+        Ok(FieldValue { d, inside, unclear: None, shallow: None, gradient, trap, matter, decider })
     }
 }
 
@@ -461,7 +539,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// The exact signed distance of a primitive.
-fn signed_distance<'g>(primitive: &Primitive, p: Expr<'g>) -> Expr<'g> {
+pub(super) fn signed_distance<'g>(primitive: &Primitive, p: Expr<'g>) -> Expr<'g> {
     let arena = p.arena;
     let zero = arena.f(0.0);
     let planar = |x: Expr<'g>, y: Expr<'g>| (x * x + y * y).sqrt();

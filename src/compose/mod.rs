@@ -14,6 +14,7 @@ mod field;
 mod footprint;
 mod levels;
 mod maps;
+pub(crate) mod matter;
 mod measure;
 mod nearby;
 pub mod norm;
@@ -29,7 +30,7 @@ mod value;
 
 pub use bounds::{Bounds, Sides};
 pub use choose::{Choice, Plan, choose};
-pub use field::{Decider, FieldOrbit, compose_estimator, deciders, field_orbits};
+pub use field::{Decider, FieldOrbit, compose_estimator, compose_tones, deciders, field_orbits};
 pub use maps::scalar_rules;
 pub use measure::compose_growth;
 pub use parts::{IterationParts, Part, iteration_parts};
@@ -55,8 +56,8 @@ pub enum Purpose {
     /// `de, inside`, of which only `inside` is to be asked: as a march sees it, but told without any derivative, by the orbit
     /// of a point beside.
     Truth,
-    /// `gradient: vec3, trap: vec4`: the field's direction of growth, and the traps of the orbit; `albedo: vec3` behind them where
-    /// parts have colours of their own.
+    /// `gradient: vec3, trap: vec4`: the field's direction of growth, and the traps of the orbit; behind them what a painted surface is
+    /// made of, as far as it is not the same everywhere.
     Surface,
     /// `de, inside, n, r, z: vec4`; `r` and `z` of the first orbit.
     Probe,

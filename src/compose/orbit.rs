@@ -3,11 +3,11 @@
 use super::footprint::{SHARE_OF_TRUTH, can_follow_footprint, trusts_rules};
 use super::levels::Joined;
 use super::maps::{Memory, Moved, apply, apply_all, fixed_constant, remembering};
-use super::paint::untouched;
+use super::paint::{Notes, untouched};
 use super::placement::Frame;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Differentiator, Expr, Function, Port, Type};
-use crate::graph::{Constant, Escape, IterationMap, Method, NodeRef, OrbitSettings, resolve_schedule};
+use crate::graph::{Constant, Escape, IterationMap, Marks, Method, NodeRef, OrbitSettings, resolve_schedule};
 use crate::kernel::Orbit;
 use crate::kernel::records::Query;
 
@@ -23,6 +23,8 @@ pub(super) struct Carried {
     pub(super) shifted: Shifted,
     /// Orbit traps.
     pub(super) traps: bool,
+    /// What else is noted for colours and matter.
+    pub(super) marks: Marks,
 }
 
 /// Which points finite differences are taken to.
@@ -36,8 +38,14 @@ pub(super) enum Shifted {
 }
 
 impl Carried {
-    pub(super) const NOTHING: Carried =
-        Carried { scalar: false, jacobian: false, along: false, shifted: Shifted::None, traps: false };
+    pub(super) const NOTHING: Carried = Carried {
+        scalar: false,
+        jacobian: false,
+        along: false,
+        shifted: Shifted::None,
+        traps: false,
+        marks: Marks { caught: [false; 4], places: [false; 4], smooth: false, radius: false },
+    };
 
     /// What the method needs, and what tells of the footprint: in marches the scalar rules where they are to be trusted, else the
     /// derivative along the ray.
@@ -88,6 +96,8 @@ pub(super) struct State<'g> {
     pub(super) along: Option<Expr<'g>>,
     pub(super) shifted: Vec<Expr<'g>>,
     pub(super) trap: Option<Expr<'g>>,
+    /// What is noted for colours and matter.
+    pub(super) notes: Notes<'g>,
     /// Levels of the orbit's shape so far.
     pub(super) joined: Option<Joined<'g>>,
     /// What steps that remember had the last time.
@@ -171,6 +181,7 @@ impl<'g> State<'g> {
         parts.extend(self.along.map(|along| ("along".to_string(), along)));
         parts.extend(numbered("z", &self.shifted));
         parts.extend(self.trap.map(|trap| ("trap".to_string(), trap)));
+        parts.extend(self.notes.parts().map(|(name, e)| (name.to_string(), e)));
         if let Some(joined) = &self.joined {
             parts.push(("level".to_string(), joined.d));
             parts.extend(joined.gradient.map(|gradient| ("level_gradient".to_string(), gradient)));
@@ -195,6 +206,7 @@ impl<'g> State<'g> {
             along: self.along.map(&mut input),
             shifted: self.shifted.iter().map(|e| input(*e)).collect(),
             trap: self.trap.map(&mut input),
+            notes: self.notes.map(&mut input),
             joined: self
                 .joined
                 .as_ref()
@@ -254,7 +266,11 @@ pub(super) fn compose_orbit(
 ) -> ComposeResult<Orbit> {
     let width = composer.graph.state_width(root, settings);
     let mut carried = Carried::of(choice, purpose);
-    carried.traps &= composer.graph.scene.look.reads_traps();
+    let look = &composer.graph.scene.look;
+    carried.traps &= look.reads_traps();
+    if purpose == Purpose::Surface && look.is_painted() {
+        carried.marks = look.marks();
+    }
     let builder = OrbitBuilder { composer, settings, root, frame, width, carried, choice, purpose };
     let is_proof = choice.method.is_certified() && purpose != Purpose::Surface;
     match is_proof && !(purpose == Purpose::Truth && builder.follows_footprint()) {
@@ -343,6 +359,7 @@ impl<'a> OrbitBuilder<'a> {
             along,
             shifted: shifted.clone(),
             trap: self.carried.traps.then_some(far),
+            notes: self.first_notes(first.z),
             joined: None,
             before: Vec::new(),
         };
@@ -453,11 +470,13 @@ impl<'a> OrbitBuilder<'a> {
             before.iter_mut().zip(memory.values()).for_each(|(before, now)| before.shifted[i] = now.z);
             shifted.push(moved.z + c);
         }
-        let trap = state.trap.map(|trap| self.trapped(trap, z, n, &memory.sides));
+        let trap = state.trap.map(|trap| self.trapped(trap, z, n, &memory.sides)).transpose()?;
+        let traps = [state.trap, trap].map(|trap| trap.unwrap_or_else(|| untouched(arena)));
+        let notes = self.noted(&state.notes, [state.z, z], traps, n);
         if let Some(compared) = before.iter_mut().find(|before| before.node.is_none()) {
             *compared = Before::of(state);
         }
-        let next = State { z, dr, rows, along, shifted, trap, joined: None, before };
+        let next = State { z, dr, rows, along, shifted, trap, notes, joined: None, before };
         self.with_level(next, state.joined.as_ref(), constants, n + 1.0)
     }
 

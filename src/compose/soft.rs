@@ -4,12 +4,13 @@
 //! pixels would get normals that have nothing to do with each other. Instead the estimate is taken at the corners of a
 //! tetrahedron as large as the threshold; their differences are the normal.
 
-use super::field::{FieldBuilder, Leaf, drop_unread, field_orbits};
+use super::field::{FieldBuilder, Leaf, Shows, drop_unread, field_orbits};
+use super::matter::{Painter, write_matter};
 use super::orbit::compose_orbit;
 use super::paint::untouched;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Expr, Function, substitute};
-use crate::kernel::records::{Painted, Query, Surface};
+use crate::kernel::records::{Query, Surface};
 use crate::kernel::{Estimator, Orbit};
 
 /// Corners of a tetrahedron, in thresholds.
@@ -17,7 +18,7 @@ const CORNERS: [[f64; 3]; 4] = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, 
 
 /// The estimator of [`Purpose::Surface`] with normals over the threshold. Traps are those of the point itself.
 pub(super) fn compose_soft_surface(composer: &Composer, choices: &[Choice]) -> ComposeResult<Estimator> {
-    let arena = composer.arena;
+    let (arena, look) = (composer.arena, &composer.graph.scene.look);
     let specs = field_orbits(composer);
     let Query { p, hit_eps, .. } = Query::first(arena);
     let corner = |to: [f64; 3]| p + arena.v3(to) * hit_eps;
@@ -41,8 +42,9 @@ pub(super) fn compose_soft_surface(composer: &Composer, choices: &[Choice]) -> C
     let (own, corners) = leaves.split_at(specs.len());
     let mut combine = Function::new("combine", inputs);
     let field = |leaves, purpose, at| {
-        let (specs, n, palette) = (&specs[..], arena.f(0.0), &composer.graph.scene.look.palette);
-        let field = FieldBuilder { composer, specs, choices, leaves: Some(leaves), purpose, at, n, palette };
+        let (specs, n, painter) = (&specs[..], arena.f(0.0), Painter::of_look(look));
+        let shows = Shows::Matter;
+        let field = FieldBuilder { composer, specs, choices, leaves: Some(leaves), purpose, at, n, painter, shows };
         field.value(composer.graph.output, &Default::default())
     };
     let value = field(own, Purpose::Surface, p)?;
@@ -57,8 +59,8 @@ pub(super) fn compose_soft_surface(composer: &Composer, choices: &[Choice]) -> C
     let is_known = arena.f(0.0).lt(length).and(length.lt(arena.f(1e30)));
     let gradient = is_known.select(slope / length.max(arena.f(1e-30)), fallback);
     Surface { gradient, trap: value.trap.unwrap_or_else(|| untouched(arena)) }.write(&mut combine);
-    if let Some(albedo) = value.albedo {
-        Painted { albedo }.write(&mut combine);
+    if let Some(matter) = value.matter {
+        write_matter(look, matter, &mut combine);
     }
     drop_unread(arena, &mut orbits, &combine);
     Ok(Estimator { orbits, combine })

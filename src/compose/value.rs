@@ -1,6 +1,8 @@
 //! A field at a point: its distance, what goes with it, and how two of them are joined.
 
+use super::matter::joined;
 use crate::expr::Expr;
+use crate::kernel::records::Matter;
 
 /// A field at a point.
 #[derive(Clone, Copy)]
@@ -18,8 +20,8 @@ pub(super) struct FieldValue<'g> {
     pub(super) gradient: Option<Expr<'g>>,
     /// For surfaces: traps.
     pub(super) trap: Option<Expr<'g>>,
-    /// For surfaces whose parts have colours of their own: the colour.
-    pub(super) albedo: Option<Expr<'g>>,
+    /// For painted surfaces: what they are made of.
+    pub(super) matter: Option<Matter<Expr<'g>>>,
     /// For decisions: number of the decider.
     pub(super) decider: Option<Expr<'g>>,
 }
@@ -28,7 +30,7 @@ impl<'g> FieldValue<'g> {
     /// A distance and membership alone.
     pub(super) fn plain(d: Expr<'g>, inside: Expr<'g>) -> FieldValue<'g> {
         let (unclear, shallow) = (None, None);
-        FieldValue { d, inside, unclear, shallow, gradient: None, trap: None, albedo: None, decider: None }
+        FieldValue { d, inside, unclear, shallow, gradient: None, trap: None, matter: None, decider: None }
     }
 
     /// The first field where the condition holds, with another distance and membership.
@@ -42,7 +44,7 @@ impl<'g> FieldValue<'g> {
             shallow: either(self.shallow, other.shallow).map(|shallow| shallow.and(inside)),
             gradient: pick(self.gradient, other.gradient),
             trap: pick(self.trap, other.trap),
-            albedo: pick(self.albedo, other.albedo),
+            matter: joined(self.matter, other.matter, |a, b| first.select(a, b)),
             decider: pick(self.decider, other.decider),
         }
     }
@@ -77,7 +79,7 @@ impl<'g> FieldValue<'g> {
         let near = self.d.le(other.d);
         let blend = |a: Expr<'g>, b: Expr<'g>| near.select(a.mix(b, share), b.mix(a, share));
         let blended = |a: Option<Expr<'g>>, b: Option<Expr<'g>>| a.zip(b).map(|(a, b)| blend(a, b));
-        let (gradient, albedo) = (blended(self.gradient, other.gradient), blended(self.albedo, other.albedo));
-        FieldValue { gradient, albedo, ..self.pick(other, near, d, inside) }
+        let (gradient, matter) = (blended(self.gradient, other.gradient), joined(self.matter, other.matter, blend));
+        FieldValue { gradient, matter, ..self.pick(other, near, d, inside) }
     }
 }

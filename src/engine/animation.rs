@@ -52,6 +52,7 @@ impl<'a> Animation<'a> {
         let is_own = frames.iter().all(|frame| frame.camera.is_empty());
         animation.view(frames)?;
         animation.limit(is_own)?;
+        animation.tone()?;
         for graph in key_frames(&animation.graphs) {
             let arena = Arc::new(Arena::default());
             let settling = Settling { library, arena: &arena, request };
@@ -93,6 +94,18 @@ impl<'a> Animation<'a> {
         }
         if let Some(most) = most {
             self.graphs = self.graphs.iter().map(|graph| most.apply(graph)).collect();
+        }
+        Ok(())
+    }
+
+    /// Places the gradients of all frames by what the first one shows, so that colours stay where they are.
+    fn tone(&mut self) -> Result<(), Error> {
+        let Some(first) = self.graphs.first() else { return Ok(()) };
+        let arena = Arc::new(Arena::default());
+        let settling = Settling { library: self.library, arena: &arena, request: self.request };
+        let tones = settling.toned(first.clone(), &settling.plan(first)?)?.scene.look.tones();
+        if !tones.is_empty() {
+            self.graphs = self.graphs.iter().map(|graph| graph.clone().with_tones(&tones)).collect();
         }
         Ok(())
     }

@@ -32,6 +32,8 @@ pub struct Job {
     pub home: Option<Camera>,
     /// Limits of iterations, where they follow the view.
     pub iterations: Option<Iterations>,
+    /// What the view shows of the numbers that gradients are placed by (see [`crate::render::tones`]).
+    pub tones: Vec<Vec<f64>>,
     /// The precision.
     pub precision: Precision,
     /// The choice of the estimate, as a plan.
@@ -68,6 +70,7 @@ impl Job {
             camera: settled.graph.scene.camera,
             home: settled.graph.scene.home,
             iterations: settled.iterations,
+            tones: settled.graph.scene.look.tones(),
             precision: settled.precision,
             plan: settled.calibration.plan.clone(),
             calibration: Some(Arc::new(settled.calibration)),
@@ -103,7 +106,8 @@ impl Job {
             }
         }
         graph = graph.at_home(self.home);
-        self.iterations.map_or_else(|| graph.clone(), |found| found.apply(&graph))
+        let graph = self.iterations.map_or_else(|| graph.clone(), |found| found.apply(&graph));
+        graph.with_tones(&self.tones)
     }
 
     /// The kernels; they are composed when they are first asked for.

@@ -15,7 +15,7 @@ use crate::formula::library::Library;
 use crate::graph::{Camera, ValidGraph};
 use crate::math::Precision;
 use crate::precision::{LEAST_ULPS, Resolution, resolution};
-use crate::render::{Iterations, Standpoint, camera_of, compose_planned, standpoint};
+use crate::render::{Iterations, Standpoint, camera_of, compose_planned, standpoint, tones};
 
 /// A fractal while what its picture needs is settled.
 #[derive(Clone, Copy)]
@@ -101,6 +101,12 @@ impl<'a> Settling<'a> {
         }
         let plan = self.plan(graph)?;
         Iterations::of_view(&composer, &plan, self.request.size, is_own).map_err(|message| self.failed(message))
+    }
+
+    /// The graph whose gradients are used up by what its view shows.
+    pub fn toned(&self, graph: ValidGraph, plan: &Plan) -> Result<ValidGraph, Error> {
+        let tones = tones(&self.composer(&graph), plan, self.request.size).map_err(|message| self.failed(message))?;
+        Ok(graph.with_tones(&tones))
     }
 
     /// The graph as its own view shows it: framed, with the iterations that pictures of this size need.
@@ -221,6 +227,7 @@ impl<'a> Settling<'a> {
             (graph, plan) = (found.apply(&graph), None);
         }
         let plan = plan.map_or_else(|| self.plan(&graph), Ok)?;
+        graph = self.toned(graph, &plan)?;
         let resolution = self.resolution(&graph, plan.clone(), asked)?;
         let mut precision = self.precision(asked, &resolution, observer);
         let may_double = precision == Precision::F32

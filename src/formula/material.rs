@@ -44,12 +44,12 @@ pub const INPUTS: &[(&str, Type, &str)] = &[
 pub const OUTPUTS: &[(&str, Type, f64, [f64; 2], &str)] = &[
     ("base", Type::V3, 0.8, [0.0, 1.0], "Base colour, linear: the albedo, or a metal's reflectance along the normal."),
     ("metallic", Type::F, 0.0, [0.0, 1.0], "From 0, which is no metal, to 1."),
-    ("roughness", Type::F, 0.5, [0.0, 1.0], "From 0, a mirror, to 1."),
+    ("roughness", Type::F, 0.55, [0.0, 1.0], "From 0, a mirror, to 1."),
     ("specular", Type::F, 1.0, [0.0, 1.0], "Weight of the reflection of what is no metal."),
     ("transmission", Type::F, 0.0, [0.0, 1.0], "Share of the light that enters and is not scattered back."),
     ("ior", Type::F, 1.5, [1.0, 4.0], "Index of refraction."),
     ("coat", Type::F, 0.0, [0.0, 1.0], "Weight of a clear coat."),
-    ("coat_roughness", Type::F, 0.1, [0.0, 1.0], "Roughness of the coat."),
+    ("coat_roughness", Type::F, 0.05, [0.0, 1.0], "Roughness of the coat."),
     ("emission", Type::V3, 0.0, [0.0, 1e4], "Radiance that it emits, linear."),
 ];
 

@@ -24,8 +24,8 @@ pub use overrides::Override;
 pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
 pub use scene::{
-    Atmosphere, Camera, Cone, Environment, Glow, Light, LightKind, Look, Palette, Part, Plane, SUN_ANGLE, Scene, Space,
-    TRAPS, Trap,
+    Atmosphere, Blend, By, Camera, Cone, Environment, Glow, Layer, Light, LightKind, Look, MOST_LAYERS, Marks,
+    MaterialUse, Paint, Palette, Part, Plane, SUN_ANGLE, Scene, Space, Spread, TRAPS, Trap,
 };
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{

@@ -97,7 +97,7 @@ impl Reader<'_> {
     }
 
     /// A parameter: a plain value, or an expression of the fractal's parameters and the iteration number `n`.
-    fn param_input(&mut self, param: &StepParam, value: &Value) -> Option<ParamInput> {
+    pub(super) fn param_input(&mut self, param: &StepParam, value: &Value) -> Option<ParamInput> {
         let resolved = match (&value.kind, &param.kind) {
             (ValueKind::Str(_), ParamKind::Choice(_)) => value.clone(),
             (ValueKind::Str(text), _) => {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::escape::{Escape, Point};
-use super::{Graph, NodeKind, ParamInput, TRAPS};
+use super::{Graph, Layer, NodeKind, Paint, ParamInput, TRAPS};
 use crate::formula::step::ParamValue;
 
 /// A listing of all nodes with their parameters and wires.
@@ -27,10 +27,28 @@ pub fn listing_with_look(graph: &Graph) -> String {
         let traps: Vec<String> = graph.scene.look.traps.iter().flatten().map(|trap| format!("{trap:?}")).collect();
         let _ = writeln!(text, "  traps {}", traps.join(", "));
     }
-    for part in &graph.scene.look.parts {
-        let _ = writeln!(text, "  part {} palette {:?}", graph.node(part.node).name, part.palette);
+    let look = &graph.scene.look;
+    if !look.paint.layers.is_empty() || look.paint.material.is_some() {
+        let _ = writeln!(text, "  look {}", paint(&look.paint));
+    }
+    for part in &look.parts {
+        let _ = writeln!(text, "  part {} {}", graph.node(part.node).name, paint(&part.paint));
     }
     text
+}
+
+/// The colours and the material of a surface.
+fn paint(paint: &Paint) -> String {
+    let layer = |layer: &Layer| {
+        let name = if layer.name.is_empty() { "own" } else { &layer.name };
+        format!("gradient {name} by {:?}", layer.by)
+    };
+    let mut parts: Vec<String> = paint.layers.iter().map(layer).collect();
+    if parts.is_empty() {
+        parts.push(format!("palette {:?}", paint.palette));
+    }
+    parts.extend(paint.material.as_ref().map(|used| format!("material {used:?}")));
+    parts.join(", ")
 }
 
 /// The graph in the DOT language: wires point from a node to what uses it.

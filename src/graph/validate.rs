@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::ops::Deref;
 
 use super::budget;
-use super::{Camera, DeForm, Graph, Node, NodeKind, NodeRef, OrbitSettings};
+use super::{Camera, DeForm, Graph, Node, NodeKind, NodeRef, OrbitSettings, Spread};
 use crate::diag::{Diagnostic, Diagnostics};
 use crate::formula::library::Library;
 use crate::formula::step::{Growth, StateWidth, Step};
@@ -45,6 +45,7 @@ pub(super) fn validate(library: &Library, mut graph: Graph, d: &mut Diagnostics)
     }
     super::widths::check_tests(&graph, d);
     check_parts(&graph, d);
+    check_traps(&graph, d);
     check_shapes(&graph, graph.output, (3, false), &mut HashSet::new(), d);
     if d.error_count() > errors {
         return None;
@@ -287,9 +288,24 @@ fn check_parts(graph: &Graph, d: &mut Diagnostics) {
     }
 }
 
+/// Traps that are nodes are fields, which orbits of their width can be looked up in.
+fn check_traps(graph: &Graph, d: &mut Diagnostics) {
+    let mut checked = HashSet::new();
+    for node in graph.scene.look.trap_fields() {
+        let field = graph.node(node);
+        if field.kind.is_map() {
+            let message = format!("`{}` is a map, and a trap is a distance field", field.name);
+            let help = "fields are shapes such as Box(...), their combinations, and `Orbit(of: \"map\", ...)`";
+            d.push(Diagnostic::error(message).label(field.span, "named by `traps`").help(help));
+        }
+        check_shapes(graph, node, (3, true), &mut checked, d);
+    }
+}
+
 fn warn_unused(graph: &Graph, d: &mut Diagnostics) {
     let mut used = vec![false; graph.nodes.len()];
     let mut stack = vec![graph.output];
+    stack.extend(graph.scene.look.trap_fields());
     while let Some(node) = stack.pop() {
         if !std::mem::replace(&mut used[node.0], true) {
             stack.extend(graph.node(node).kind.wires());
@@ -330,6 +346,19 @@ impl ValidGraph {
     #[must_use]
     pub fn at_home(mut self, home: Option<Camera>) -> ValidGraph {
         self.0.scene.home = home;
+        self
+    }
+
+    /// The same graph with what its view shows of the numbers that gradients are placed by: for each layer that is used up evenly, in the order of
+    /// [`Look::paints`](super::Look::paints), the cuts of [`Spread::Quantile`](super::Spread::Quantile).
+    #[must_use]
+    pub fn with_tones(mut self, tones: &[Vec<f64>]) -> ValidGraph {
+        let mut tones = tones.iter();
+        for layer in self.0.scene.look.layers_mut() {
+            if let (Spread::Quantile(cuts), Some(found)) = (&mut layer.spread, tones.next()) {
+                cuts.clone_from(found);
+            }
+        }
         self
     }
 

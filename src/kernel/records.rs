@@ -257,14 +257,6 @@ record! {
 }
 
 record! {
-    /// The colour of a surface whose parts have colours of their own; otherwise the trap colours it.
-    pub struct Painted {
-        /// Linear.
-        albedo: V3,
-    }
-}
-
-record! {
     /// What a surface is made of. Names and meanings are those of glTF 2.0 (`KHR_materials_*`) and OpenPBR 1.1.
     pub struct Matter {
         /// Base colour, linear: the albedo of what is no metal, the reflectance along the normal of what is.

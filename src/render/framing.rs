@@ -95,7 +95,12 @@ fn around(camera: &Camera, points: &[DVec3]) -> Camera {
 }
 
 /// Depth and point of a ray's hit.
-type Hit = Option<(f64, DVec3)>;
+pub(super) type Hit = Option<(f64, DVec3)>;
+
+/// The hits of a coarse grid of a picture's pixels.
+pub(super) fn coarse_hits(composer: &Composer, plan: &Plan, camera: &Camera, size: Size) -> ComposeResult<Vec<Hit>> {
+    hits(composer, plan, camera, size, GRID)
+}
 
 /// The hits of an even grid of a picture's pixels.
 fn hits(composer: &Composer, plan: &Plan, camera: &Camera, size: Size, grid: Size) -> ComposeResult<Vec<Hit>> {

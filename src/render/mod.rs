@@ -17,6 +17,7 @@ mod plane;
 mod refine;
 mod renderer;
 mod stats;
+mod tones;
 mod traced;
 
 pub use beams::BeamTiles;
@@ -26,6 +27,7 @@ pub use passes::{Ends, Marches, Role};
 pub use pipeline::{Pipeline, Shape, compose_pipeline, compose_planned};
 pub use renderer::{Cut, Renderer};
 pub use stats::Stats;
+pub use tones::tones;
 
 use serde::{Deserialize, Serialize};
 

@@ -6,7 +6,7 @@ use super::{Air, Lighting, Seen, read_surface};
 use crate::compose::paint::{paint, usable_trap};
 use crate::expr::{Arena, Expr, Function, Inputs};
 use crate::graph::Look;
-use crate::kernel::records::{Colour, Marched, Matter, Painted};
+use crate::kernel::records::{Colour, Marched, Matter};
 use crate::march::{openness, share_lit};
 
 /// A surface as it is looked at: where it faces, and what it is made of.
@@ -21,11 +21,8 @@ impl<'g> Face<'g> {
     /// Takes what is known of surfaces as the next inputs of a function.
     pub fn read(look: &Look, inputs: &mut Inputs<'g>) -> Face<'g> {
         let (surface, painted) = read_surface(inputs, look);
-        let albedo = match painted {
-            None => paint(look, &look.palette, usable_trap(surface.trap), None),
-            Some(Painted { albedo }) => albedo,
-        };
-        Face { gradient: surface.gradient, matter: Matter::of_colour(albedo) }
+        let plain = || Matter::of_colour(paint(look, &look.paint.palette, usable_trap(surface.trap), None));
+        Face { gradient: surface.gradient, matter: painted.unwrap_or_else(plain) }
     }
 }
 

@@ -24,11 +24,12 @@ pub use sky::Irradiance;
 
 use serde::{Deserialize, Serialize};
 
+use crate::compose::matter::read_matter;
 use crate::compose::{Bounds, Sides};
 use crate::expr::{Arena, Expr, Function, Inputs};
 use crate::graph::{Camera, Look};
 use crate::kernel::Status;
-use crate::kernel::records::{Beam, Begin, Colour, Marched, Painted, Pixel, Query, Ray, Surface};
+use crate::kernel::records::{Beam, Begin, Colour, Marched, Matter, Pixel, Query, Ray, Surface};
 use crate::math::Precision;
 
 /// Picture geometry.
@@ -241,11 +242,11 @@ pub fn compose_surface_point(arena: &Arena, threshold: Threshold, precision: Pre
     function
 }
 
-/// What is known of surfaces, as further inputs: the outputs of a [`crate::compose::Purpose::Surface`]. Colours of their own have
-/// those of looks with parts.
-fn read_surface<'g>(inputs: &mut Inputs<'g>, look: &Look) -> (Surface<Expr<'g>>, Option<Painted<Expr<'g>>>) {
+/// What is known of surfaces, as further inputs: the outputs of a [`crate::compose::Purpose::Surface`]; and what they are made of, where
+/// the look is painted.
+fn read_surface<'g>(inputs: &mut Inputs<'g>, look: &Look) -> (Surface<Expr<'g>>, Option<Matter<Expr<'g>>>) {
     let surface = Surface::read(inputs);
-    (surface, (!look.parts.is_empty()).then(|| Painted::read(inputs)))
+    (surface, read_matter(look, surface.gradient.arena, inputs))
 }
 
 /// A ray and what its march gave, as inputs of a function.

@@ -4,7 +4,7 @@ use super::{Seen, Size, read_surface};
 use crate::compose::paint::{paint, usable_trap};
 use crate::expr::{Arena, Function, Inputs};
 use crate::graph::{Camera, Plane, Scene};
-use crate::kernel::records::{Colour, Painted, Pixel, Query, Ray};
+use crate::kernel::records::{Colour, Pixel, Query, Ray};
 use crate::math::Precision;
 
 /// Share of the picture's height at which the colour outside is halfway from the palette's to the background's.
@@ -78,8 +78,8 @@ pub fn compose_plane_colour(arena: &Arena, scene: &Scene, plane: &Plane, size: S
     let fading = (de * (1.0 / (HALFWAY * plane.height))).min(arena.f(1e6)).sqrt();
     // An orbit that starts in a plane has come as near as can be to it, which tells nothing.
     let colours = match painted {
-        None => paint(look, &look.palette, usable_trap(surface.trap), Some(normal(plane))),
-        Some(Painted { albedo }) => albedo,
+        None => paint(look, &look.paint.palette, usable_trap(surface.trap), Some(normal(plane))),
+        Some(matter) => matter.base,
     };
     let outside = arena.v3(background[1]).mix(colours, one / (fading + 1.0));
     let apart = (de * (1.0 / pixel_size(plane, size))).min(one);

@@ -28,7 +28,7 @@ pub fn picture(camera: &Camera, scene: &Scene, bounding_radius: f64) -> String {
         ("$SUN_DIRECTION", vector(direction)),
         ("$SUN", vector(sun)),
         ("$SKY", vector(sky)),
-        ("$COLOUR", vector(scene.look.palette[0])),
+        ("$COLOUR", vector(scene.look.paint.palette[0])),
         ("$BOTTOM", vector(background[0])),
         ("$TOP", vector(background[1])),
     ];

@@ -1,7 +1,7 @@
 //! Reading cameras, planes and colours.
 
-use super::look::Palette;
-use super::{Camera, Plane};
+use super::{Camera, Palette, Plane};
+use crate::colour::{parse_colour, read_colour};
 use crate::diag::Diagnostic;
 use crate::formula::decode::Fields;
 use crate::formula::value::{Value, ValueKind};
@@ -69,7 +69,7 @@ fn read_center(reader: &mut Reader, value: &Value) -> Option<[f64; 3]> {
     }
 }
 
-/// Reads a list of one to five linear RGB colours; those that are not given are the first one.
+/// Reads a list of one to five colours; those that are not given are the first one.
 pub(super) fn read_palette(reader: &mut Reader, value: &Value) -> Option<Palette> {
     let items: &[Value] = match &value.kind {
         ValueKind::List(items) => items,
@@ -80,9 +80,13 @@ pub(super) fn read_palette(reader: &mut Reader, value: &Value) -> Option<Palette
         reader.d.push(Diagnostic::error(message).label(value.span, format!("found {}", value.describe())));
         return None;
     }
-    let mut palette = [reader.vector(&items[0], 0.0, 100.0)?; 5];
+    let mut read = |item: &Value| match &item.kind {
+        ValueKind::Str(text) if parse_colour(text).is_some() => read_colour(item, reader.d),
+        _ => reader.vector(item, 0.0, 100.0),
+    };
+    let mut palette = [read(&items[0])?; 5];
     for (colour, item) in palette.iter_mut().zip(items).skip(1) {
-        *colour = reader.vector(item, 0.0, 100.0)?;
+        *colour = read(item)?;
     }
     Some(palette)
 }

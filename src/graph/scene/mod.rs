@@ -7,10 +7,14 @@ mod environment;
 mod fields;
 mod light;
 mod look;
+mod paint;
+mod traps;
 
 pub use environment::{Atmosphere, Environment, Glow};
 pub use light::{Cone, Light, LightKind, SUN_ANGLE, Space};
-pub use look::{Look, Palette, Part, TRAPS, Trap};
+pub use look::{Look, Part};
+pub use paint::{Blend, By, Layer, MOST_LAYERS, Marks, MaterialUse, Paint, Palette, Spread};
+pub use traps::{TRAPS, Trap};
 
 use serde::{Deserialize, Serialize};
 
