@@ -32,7 +32,7 @@ pub struct Bundle {
     pub text: String,
     /// What is changed in it: pairs of a path and a value.
     pub set: Vec<(String, String)>,
-    /// Names and texts of the steps that it uses beside the built-in ones.
+    /// Names and texts of the steps and materials that it uses beside the built-in ones.
     pub steps: Vec<(String, String)>,
     /// Whether it is one of the built-in fractals, whose limits of iterations are stated for their own views alone.
     pub is_builtin: bool,
@@ -49,7 +49,13 @@ impl Bundle {
             }
             _ => None,
         };
-        let mut steps: Vec<(String, String)> = loaded.graph.nodes.iter().filter_map(own).collect();
+        let used = loaded.graph.scene.look.paints().filter_map(|paint| paint.material.as_ref());
+        let materials = used.filter_map(|used| {
+            let (name, text) = (&used.material.name, library.sources.text(used.material.text));
+            let is_builtin = embedded::MATERIALS.iter().any(|(known, own)| known == name && *own == text);
+            (!is_builtin).then(|| (name.clone(), text.to_string()))
+        });
+        let mut steps: Vec<(String, String)> = loaded.graph.nodes.iter().filter_map(own).chain(materials).collect();
         steps.sort();
         steps.dedup();
         Bundle {

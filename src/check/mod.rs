@@ -23,6 +23,7 @@ pub mod exact;
 mod formula;
 pub mod health;
 mod imported;
+mod materials;
 pub mod measure;
 mod report;
 mod runner;

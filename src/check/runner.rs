@@ -6,14 +6,17 @@ use std::time::{Duration, Instant};
 
 use super::backends::{Backends, Target};
 use super::cases::{Case, applies, label};
+use super::materials::MaterialCase;
 use super::report::{Outcome, Report, Verdict};
 use super::steps::StepCase;
 use super::subject::Subject;
 use super::truth::Budget;
-use crate::diag::{Diagnostics, Sources, Span};
+use crate::diag::{Diagnostics, SourceId, Sources, Span};
 use crate::expr::Arena;
 use crate::files::{Chosen, MAX_TEXT, read_text};
 use crate::formula::library::Library;
+use crate::formula::material::{Material, is_material_text};
+use crate::formula::shape::is_step_text;
 use crate::formula::step::{ScalarRule, Step};
 use crate::graph::{NodeKind, PRESET, Preset, ValidGraph};
 use crate::kernel::wgsl;
@@ -40,7 +43,7 @@ impl Default for Options {
     }
 }
 
-/// Runs the tests of all formula files (`*.ron`) and step files (`*.rhai` with `fn step`) among `paths` and in its folders.
+/// Runs the tests of all formula files (`*.ron`), step files (`*.rhai` with `fn step`) and material files (`fn material`) among `paths` and in its folders.
 ///
 /// A file that does not load is a failed test with its messages. A path that does not exist is one, too.
 pub fn run_paths(library: &mut Library, paths: &[PathBuf], options: &Options) -> Report {
@@ -97,7 +100,7 @@ fn find_files(path: &Path, files: &mut Vec<PathBuf>) {
 
 fn is_step(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "rhai")
-        && read_text(path, MAX_TEXT, Chosen::Found).is_ok_and(|text| crate::formula::shape::is_step_text(&text))
+        && read_text(path, MAX_TEXT, Chosen::Found).is_ok_and(|text| is_step_text(&text) || is_material_text(&text))
 }
 
 /// A file's name below the folder that was asked for; the path as given where it is that file.
@@ -235,11 +238,38 @@ impl<'a> Runner<'a> {
         library.add_beside(file.parent().unwrap_or(Path::new(".")), &mut d);
         let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let text = read_text(file, MAX_TEXT, Chosen::Found).unwrap_or_default();
+        if is_material_text(&text) {
+            let is_it = |material: &&Arc<Material>| library.sources.text(material.text) == text;
+            return match library.material(&stem).filter(is_it).cloned() {
+                Some(material) => self.material(library, &material, name),
+                None => self.run(format!("{name}::loads"), None, || Err(d.render(&library.sources, false))),
+            };
+        }
         let step = library.step(&stem).filter(|step| library.sources.text(step.text) == text).cloned();
         match step {
             Some(step) => self.step(library, &step, name),
             None => self.run(format!("{name}::loads"), None, || Err(d.render(&library.sources, false))),
         }
+    }
+
+    fn material(&mut self, library: &Library, material: &Material, name: &str) {
+        let backends = std::mem::replace(&mut self.backends, Backends::cpu_only());
+        let case = MaterialCase { library, material, backends: &backends };
+        if material.examples.is_empty() {
+            let why = "expected at least one worked example, found none";
+            self.run(format!("{name}::examples"), None, || Err(why.into()));
+        }
+        for (i, example) in material.examples.iter().enumerate() {
+            for target in backends.targets() {
+                let place = Some(example_place(library, material.text, i));
+                let name = format!("{name}::example {}::{}", i + 1, target.name());
+                self.run(name, place, || case.example(example, target));
+            }
+        }
+        for target in backends.targets() {
+            self.run(format!("{name}::places::{}", target.name()), None, || case.places(target));
+        }
+        self.backends = backends;
     }
 
     fn step(&mut self, library: &Library, step: &Step, name: &str) {
@@ -252,7 +282,7 @@ impl<'a> Runner<'a> {
         }
         for (i, example) in step.examples.iter().enumerate() {
             for target in backends.targets() {
-                let place = Some(example_place(library, step, i));
+                let place = Some(example_place(library, step.text, i));
                 let name = format!("{name}::example {}::{}", i + 1, target.name());
                 self.run(name, place, || case.example(example, target));
             }
@@ -271,11 +301,11 @@ impl<'a> Runner<'a> {
 }
 
 /// The line of an example: examples are counted by their `expect:` fields.
-fn example_place(library: &Library, step: &Step, index: usize) -> String {
-    let text = library.sources.text(step.text);
+fn example_place(library: &Library, id: SourceId, index: usize) -> String {
+    let text = library.sources.text(id);
     let at = text.match_indices("expect:").nth(index).map_or(0, |(at, _)| at);
     let line = text[..at].matches('\n').count() + 1;
-    format!("{}:{line}", library.sources.name(step.text))
+    format!("{}:{line}", library.sources.name(id))
 }
 
 /// Rays of a small picture that an estimate which a file calls calibrated is checked on.

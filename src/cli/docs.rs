@@ -1,4 +1,4 @@
-//! `bulbfold docs`: the reference of steps, fractals and operators, from their files and the operator table.
+//! `bulbfold docs`: the reference of steps, fractals, materials, palettes and operators, from their files and the operator table.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -13,7 +13,7 @@ use clap::Args;
 
 use super::explain::{credit, params_table, presets_table, step_page};
 use super::page::{Block, markdown};
-use super::{Failure, Outcome, Session, usage};
+use super::{Failure, Outcome, Session, matter_pages, usage};
 
 /// Arguments of `docs`.
 #[derive(Args, Debug)]
@@ -22,7 +22,7 @@ Examples:
   bulbfold docs -o docs
   bulbfold docs -o my_docs --steps my_steps")]
 pub struct Arguments {
-    /// Folder for steps.md, fractals.md and operators.md; pictures are looked for in its folder thumbnails
+    /// Folder for steps.md, fractals.md, materials.md, palettes.md and operators.md; pictures are looked for in its folder thumbnails
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
 }
@@ -38,6 +38,8 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let pages = [
         ("steps.md", steps_page(session, &fractals, &pictures)),
         ("fractals.md", fractals.page(&pictures)),
+        ("materials.md", trimmed(&matter_pages::materials(session))),
+        ("palettes.md", trimmed(&matter_pages::palettes_page())),
         ("operators.md", operators_page()),
     ];
     for (name, text) in pages {

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use bulbfold::colour::palettes;
 use bulbfold::compose::{Composer, choose};
 use bulbfold::diag::Diagnostics;
 use bulbfold::expr::{Arena, Function, Port, Type, print};
@@ -20,7 +21,7 @@ use clap::Args;
 
 use super::notation::Notation;
 use super::page::{Block, markdown, plain};
-use super::{Failure, Outcome, Session, cost, usage};
+use super::{Failure, Outcome, Session, cost, matter_pages, usage};
 
 /// Arguments of `explain`.
 #[derive(Args, Debug)]
@@ -28,10 +29,11 @@ use super::{Failure, Outcome, Session, cost, usage};
 Examples:
   bulbfold explain box_fold
   bulbfold explain mandelbulb
+  bulbfold explain marble
   bulbfold explain mandelbox --latex
   bulbfold explain sphere_fold --markdown > sphere_fold.md")]
 pub struct Arguments {
-    /// A step, a built-in fractal or script, or a file of one of them
+    /// A step, a built-in fractal or script, a material, a palette, or a file of one of them
     name: PathBuf,
     /// Print Markdown
     #[arg(long)]
@@ -43,8 +45,7 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
-    let (path, name) = (&arguments.name, arguments.name.to_string_lossy());
-    let name = &*name;
+    let path = &arguments.name;
     let blocks = match find_step(session, path)? {
         Some(step) => {
             let mut blocks = step_page(session, &step);
@@ -52,22 +53,32 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
             blocks.extend(code_blocks(session, &step)?);
             blocks
         }
-        None => {
-            let formulas = embedded::FRACTALS.iter().chain(embedded::SCRIPTS).map(|(name, _)| *name);
-            let known: Vec<&str> = session.library.steps().map(|s| s.name.as_str()).chain(formulas).collect();
-            if !known.contains(&name) && !path.exists() {
-                let help = match bulbfold::diag::nearest(name, known) {
-                    Some(near) => format!("did you mean `{near}`?"),
-                    None => "`bulbfold list` shows all names".into(),
-                };
-                return Err(usage(format!("there is no step, fractal or file `{name}`"), &help));
-            }
-            let graph = session.load(path, &[])?.graph;
-            fractal_page(session, &graph, arguments.latex)?
-        }
+        None => match matter_pages::explained(session, path)? {
+            Some(blocks) => blocks,
+            None => formula_page(arguments, session)?,
+        },
     };
     let text = if arguments.markdown { markdown(&blocks, 0) } else { plain(&blocks) };
     Ok(out.write_all(text.as_bytes())?)
+}
+
+/// The page of a fractal or script.
+fn formula_page(arguments: &Arguments, session: &mut Session) -> Result<Vec<Block>, Failure> {
+    let (path, name) = (&arguments.name, arguments.name.to_string_lossy());
+    let name = &*name;
+    let formulas = embedded::FRACTALS.iter().chain(embedded::SCRIPTS).map(|(name, _)| *name);
+    let looks = palettes::all().iter().map(|palette| palette.name.as_str());
+    let looks = looks.chain(session.library.material_names());
+    let known: Vec<&str> = session.library.names().chain(formulas).chain(looks).collect();
+    if !known.contains(&name) && !path.exists() {
+        let help = match bulbfold::diag::nearest(name, known) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => "`bulbfold list` shows all names".into(),
+        };
+        return Err(usage(format!("there is no step, fractal, material, palette or file `{name}`"), &help));
+    }
+    let graph = session.load(path, &[])?.graph;
+    fractal_page(session, &graph, arguments.latex)
 }
 
 /// The step of this name or in this file, if there is one.
@@ -148,7 +159,7 @@ pub fn credit(inventor: &str, year: Option<u32>) -> String {
     if known.is_empty() { "unknown".into() } else { known.join(", ") }
 }
 
-fn param_row(param: &bulbfold::formula::step::StepParam) -> Vec<String> {
+pub(super) fn param_row(param: &bulbfold::formula::step::StepParam) -> Vec<String> {
     let kind = match &param.kind {
         ParamKind::Float => "float".into(),
         ParamKind::Int => "int".into(),

@@ -1,4 +1,4 @@
-//! `bulbfold list`: steps, fractals and scripts by group, and the search for those with some properties.
+//! `bulbfold list`: steps, fractals, scripts, palettes and materials by group, and the search for those with some properties.
 //!
 //! Properties come from the files and graphs themselves: conformal steps are measured, methods that apply come from
 //! the composer.
@@ -8,6 +8,7 @@ use std::io::Write;
 use std::sync::Arc;
 
 use bulbfold::check::is_conformal;
+use bulbfold::colour::palettes;
 use bulbfold::compose::{Composer, choose, scalar_rules};
 use bulbfold::diag::{Diagnostics, nearest};
 use bulbfold::expr::Arena;
@@ -19,6 +20,7 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
 use super::arguments::DeArg;
+use super::matter_pages::swatch;
 use super::{Failure, Outcome, Session, usage};
 
 /// Arguments of `list`.
@@ -26,6 +28,7 @@ use super::{Failure, Outcome, Session, usage};
 #[command(after_help = "\
 Examples:
   bulbfold list
+  bulbfold list palettes
   bulbfold list fold --only steps
   bulbfold list --group bulbs --years 2009..2012
   bulbfold list --only steps --conformal --json
@@ -34,7 +37,7 @@ Examples:
 All conditions must hold. --conformal takes steps whose Jacobian, with default parameters, is measured to be a multiple
 of an orthogonal matrix, and fractals all of whose steps are such.")]
 pub struct Arguments {
-    /// Only what has this in its name, group, summary or inventor
+    /// Only what has this in its name, group, summary or inventor; or one kind: steps, fractals, scripts, palettes or materials
     filter: Option<String>,
     /// Only one kind
     #[arg(long, value_enum)]
@@ -80,6 +83,23 @@ enum Kind {
     Fractals,
     /// Built-in graph scripts.
     Scripts,
+    /// Gradients, with five of their colours.
+    Palettes,
+    /// What surfaces can be made of.
+    Materials,
+}
+
+impl Kind {
+    /// Its heading.
+    fn name(self) -> &'static str {
+        match self {
+            Kind::Steps => "steps",
+            Kind::Fractals => "fractals",
+            Kind::Scripts => "scripts",
+            Kind::Palettes => "palettes",
+            Kind::Materials => "materials",
+        }
+    }
 }
 
 /// A step, fractal or script with what is known of it.
@@ -134,10 +154,21 @@ impl Arguments {
         self.json || self.estimate.is_some() || self.chosen.is_some()
     }
 
+    /// The one kind that is asked for.
+    fn kind(&self) -> Option<Kind> {
+        let named = self.filter.as_ref().and_then(|filter| Kind::from_str(filter, true).ok());
+        self.only.or(named)
+    }
+
+    /// The text that is searched for: a kind's name is none.
+    fn text(&self) -> Option<&String> {
+        self.filter.as_ref().filter(|filter| self.only.is_some() || Kind::from_str(filter, true).is_err())
+    }
+
     fn takes(&self, entry: &Entry) -> bool {
         let has = |text: &str, part: &str| text.to_lowercase().contains(&part.to_lowercase());
         let texts = [&entry.name, &entry.group, &entry.summary, &entry.inventor];
-        let plain = self.filter.as_ref().is_none_or(|filter| texts.iter().any(|text| has(text, filter)))
+        let plain = self.text().is_none_or(|filter| texts.iter().any(|text| has(text, filter)))
             && self.group.as_ref().is_none_or(|group| entry.group.eq_ignore_ascii_case(group))
             && self.inventor.as_ref().is_none_or(|inventor| has(&entry.inventor, inventor))
             && self.years.is_none_or(|(from, to)| entry.year.is_some_and(|year| (from..=to).contains(&year)));
@@ -187,7 +218,7 @@ fn check_group(arguments: &Arguments, all: &[Entry]) -> Result<(), Failure> {
 }
 
 fn entries(arguments: &Arguments, session: &mut Session) -> Vec<Entry> {
-    let wanted = |kind: Kind| arguments.only.is_none_or(|only| only == kind);
+    let wanted = |kind: Kind| arguments.kind().is_none_or(|only| only == kind);
     let deep = arguments.json || arguments.asks_properties();
     let mut conformal: BTreeMap<String, bool> = BTreeMap::new();
     let mut entries = Vec::new();
@@ -216,7 +247,24 @@ fn entries(arguments: &Arguments, session: &mut Session) -> Vec<Entry> {
             properties: None,
         }));
     }
+    if wanted(Kind::Palettes) {
+        entries.extend(palettes::all().iter().map(|palette| Entry {
+            summary: format!("{}  {}", swatch(&palette.gradient), palette.summary),
+            ..plain_entry(Kind::Palettes, &palette.name, &palette.group)
+        }));
+    }
+    if wanted(Kind::Materials) {
+        entries.extend(session.library.materials().map(|material| Entry {
+            summary: material.summary.clone(),
+            ..plain_entry(Kind::Materials, &material.name, &material.group)
+        }));
+    }
     entries
+}
+
+fn plain_entry(kind: Kind, name: &str, group: &str) -> Entry {
+    let (name, group) = (name.to_string(), group.to_string());
+    Entry { kind, name, group, summary: String::new(), inventor: String::new(), year: None, properties: None }
 }
 
 /// Whether a step is conformal, measured once.
@@ -301,11 +349,7 @@ fn fractal_properties(
 fn print(entries: &[&Entry], out: &mut dyn Write) -> Outcome {
     let mut parts: BTreeMap<(u8, String), Vec<&Entry>> = BTreeMap::new();
     for entry in entries {
-        let (order, kind) = match entry.kind {
-            Kind::Steps => (0, "steps"),
-            Kind::Fractals => (1, "fractals"),
-            Kind::Scripts => (2, "scripts"),
-        };
+        let (order, kind) = (entry.kind as u8, entry.kind.name());
         let heading = if entry.group.is_empty() { kind.into() } else { format!("{kind}: {}", entry.group) };
         parts.entry((order, heading)).or_default().push(entry);
     }
@@ -325,6 +369,7 @@ fn to_json(entries: &[&Entry]) -> Value {
     };
     json!({
         "version": 1, "steps": of(Kind::Steps), "fractals": of(Kind::Fractals), "scripts": of(Kind::Scripts),
+        "palettes": of(Kind::Palettes), "materials": of(Kind::Materials),
     })
 }
 
@@ -334,6 +379,9 @@ fn entry_json(entry: &Entry) -> Value {
         return value;
     }
     value["group"] = json!(entry.group);
+    if matches!(entry.kind, Kind::Palettes | Kind::Materials) {
+        return value;
+    }
     value["inventor"] = json!(entry.inventor);
     value["year"] = json!(entry.year);
     if let Some(properties) = &entry.properties {

@@ -30,6 +30,8 @@ mod gallery;
 mod gallery_page;
 mod import;
 mod list;
+mod look;
+mod matter_pages;
 mod new;
 mod notation;
 mod output;
@@ -101,9 +103,9 @@ enum Command {
     /// Draw what every distance estimate costs and how right it is.
     #[cfg(feature = "chart")]
     Chart(chart::Arguments),
-    /// List steps, fractals and scripts.
+    /// List steps, fractals, scripts, palettes and materials.
     List(list::Arguments),
-    /// Explain a step or a fractal.
+    /// Explain a step, a fractal, a palette or a material.
     Explain(explain::Arguments),
     /// Write a commented formula file to start from.
     New(new::Arguments),
@@ -118,7 +120,7 @@ enum Command {
     Gallery(gallery::Arguments),
     /// Check this machine's back ends against each other.
     Doctor(doctor::Arguments),
-    /// Write the reference of steps, fractals and operators.
+    /// Write the reference of steps, fractals, materials, palettes and operators.
     Docs(docs::Arguments),
     /// Open a GPU and let it compute, in a process that may crash.
     #[cfg(feature = "gpu")]

@@ -13,13 +13,14 @@ use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
 use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PicturePrecision, parse_fov, parse_size, parse_vector};
+use super::look::LookArgs;
 use super::output::{Content, check_output, not_written, refuse_both};
 use super::progress::short;
 use super::session::{refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
 #[cfg(feature = "chart")]
 use super::view::{self, ViewArg};
-use super::{Outcome, Session, stats};
+use super::{Failure, Outcome, Session, stats};
 
 /// Arguments of `render`.
 #[derive(Args, Debug)]
@@ -27,6 +28,8 @@ use super::{Outcome, Session, stats};
 Examples:
   bulbfold render mandelbulb
   bulbfold render mandelbox.ron -o box.png --size 1920x1080 --samples 3 --stats
+  bulbfold render mandelbox --palette lagoon --material wax -o wax.png
+  bulbfold render mandelbulb --palette random --seed 7 -o random.png
   bulbfold render mandelbulb --set power=6 --camera 1.5,-2,1 --fov 30 -o close.png
   bulbfold render box_bulb --view error --stats -o box_bulb_error.png
   bulbfold render mandelbulb --set 'plane=(center: (0, 0, 0.2), height: 2.6)' -o slice.png
@@ -62,6 +65,8 @@ pub struct Arguments {
     pub(super) estimate: AutoArgs,
     #[command(flatten)]
     pub(super) camera: CameraArgs,
+    #[command(flatten)]
+    pub(super) look: LookArgs,
     #[command(flatten)]
     sweep: SweepArgs,
     /// March every ray by itself, by steps no longer than an estimate, and every orbit to its end: what the short cuts (beams,
@@ -248,6 +253,15 @@ impl CameraArgs {
     }
 }
 
+impl Arguments {
+    /// What is changed in the formula.
+    pub(super) fn changes(&self, session: &mut Session) -> Result<Vec<(String, String)>, Failure> {
+        let mut changes = self.formula.changes();
+        changes.extend(self.look.changes(session)?);
+        Ok(changes)
+    }
+}
+
 /// Runs the command.
 pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     let camera = &mut arguments.camera;
@@ -265,7 +279,8 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
     let request = arguments.request();
     // Before anything is read: what contradicts itself is told at once.
     request.first_precision().map_err(|error| session.failed(error))?;
-    let formula = session.open(&arguments.formula.file, &arguments.formula.changes())?;
+    let changes = arguments.changes(session)?;
+    let formula = session.open(&arguments.formula.file, &changes)?;
     session.spare_inputs(&output)?;
     if !arguments.is_plain() {
         refuse_plane(formula.graph(), "`--view`")?;

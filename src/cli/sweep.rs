@@ -150,8 +150,9 @@ pub fn run(
 /// What each frame shows. All are read before anything is rendered, so that a value out of range is reported at once.
 fn moved(session: &mut Session, arguments: &Arguments, sweep: &SweepArgs, frames: u32) -> Result<Vec<Frame>, Failure> {
     let mut moved = Vec::new();
+    let changes = arguments.changes(session)?;
     for frame in 0..frames {
-        let (mut set, mut camera) = (arguments.formula.changes(), arguments.camera);
+        let (mut set, mut camera) = (changes.clone(), arguments.camera);
         for range in &sweep.ranges {
             let value = || range.numbers(frame, frames);
             let vector = || <[f64; 3]>::try_from(value()).ok();

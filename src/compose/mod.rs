@@ -24,6 +24,7 @@ mod parts;
 pub mod placement;
 mod reach;
 mod soft;
+mod solid;
 mod unread;
 mod unrolled;
 mod value;

@@ -3,8 +3,9 @@
 //! A trap is a number that an orbit carries for the picture's surface: 0 if it is caught best, which shows its colour in full.
 
 use super::ComposeResult;
-use super::field::{shape_at, signed_distance};
+use super::field::shape_at;
 use super::orbit::OrbitBuilder;
+use super::solid::signed_distance;
 use crate::expr::{Arena, Expr, Function, Type};
 use crate::graph::{DeForm, Escape, Look, Marks, NO_ESCAPE, Palette, Primitive, TRAPS, Trap};
 
