@@ -39,6 +39,7 @@ mod language;
 mod layering;
 mod lights;
 mod lost_device;
+mod materials;
 mod memory;
 mod methods;
 mod mutations;
@@ -46,6 +47,7 @@ mod notation;
 mod orbit_counts;
 #[cfg(unix)]
 mod output;
+mod palettes;
 mod pictures;
 mod planes;
 mod precision;

@@ -13,6 +13,7 @@ pub mod mandelbulber;
 pub mod table;
 
 mod ask;
+mod colours;
 mod glsl;
 mod levels;
 mod looks;

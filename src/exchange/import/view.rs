@@ -5,6 +5,7 @@
 //! the world in z = 0, and the camera with it.
 
 use super::ask::Ask;
+use super::colours::colours;
 use super::migrate::{FOV_IN_DEGREES, NUMBERED_LIGHTS};
 use super::place::{cross, dot, norm};
 use super::settings::{Section, Version};
@@ -96,6 +97,7 @@ pub fn look(
         let ends = ends.map(|(name, default)| written_vector(&self::colour(main, name, default, d)));
         fields.push(format!("background: [{}]", ends.join(", ")));
     }
+    fields.extend(colours(main, lost, d));
     fields
 }
 
@@ -162,7 +164,7 @@ fn sun(light: &Light, camera: &Camera, is_mirrored: bool) -> [f64; 3] {
 }
 
 /// A colour of three hexadecimal numbers up to ffff, as linear RGB.
-fn colour(main: &Section, name: &str, default: [f64; 3], d: &mut Diagnostics) -> [f64; 3] {
+pub(super) fn colour(main: &Section, name: &str, default: [f64; 3], d: &mut Diagnostics) -> [f64; 3] {
     let Some(entry) = main.raw(name) else { return default };
     let parts: Vec<f64> = entry
         .value

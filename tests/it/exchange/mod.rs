@@ -1,5 +1,6 @@
 //! Work of other programs in, formulas out, as users see it: the built program in a fresh folder.
 
+mod colours;
 mod export;
 #[cfg(feature = "gpu")]
 mod export_gpu;
