@@ -2,7 +2,7 @@
 
 use super::footprint::{follows_footprint, is_marked};
 use super::maps::Moved;
-use super::matter::{self, Painter, write_matter};
+use super::matter::{Painter, Place as Seen, write_matter};
 use super::orbit::compose_orbit;
 use super::paint::{Marked, untouched};
 use super::placement::{Frame, Place, copies, farther_copies};
@@ -10,9 +10,7 @@ use super::unrolled::unrolled;
 use super::value::FieldValue;
 use super::{Choice, ComposeResult, Composer, Purpose};
 use crate::expr::{Arena, Expr, Function, Port, Type};
-use crate::graph::{
-    DeForm, Method, NodeKind, NodeRef, OrbitSettings, Part, Tiling,
-};
+use crate::graph::{DeForm, Method, NodeKind, NodeRef, OrbitSettings, Part, Tiling};
 use crate::kernel::records::{Answer, Matter, Query, Surface};
 use crate::kernel::{Estimator, Orbit};
 use crate::math::Precision;
@@ -236,7 +234,7 @@ impl<'g> FieldBuilder<'_, 'g> {
             }
             Purpose::Surface => {
                 let gradient = value.gradient.unwrap_or_else(|| arena.v3([0.0, 0.0, 1.0]));
-                match (self.shows, value.matter) {
+                match (self.shows, self.matter(&value)?) {
                     (Shows::Tones, Some(tones)) => tones.write(combine),
                     (_, matter) => {
                         Surface { gradient, trap: value.trap.unwrap_or_else(|| untouched(arena)) }.write(combine);
@@ -289,20 +287,22 @@ impl<'g> FieldBuilder<'_, 'g> {
         }
     }
 
-    /// What the part that is looked up is made of, where the look is painted: traps, normal, iterations and what the orbit noted.
-    pub(super) fn matter(
+    /// The value with what its part is made of, where the look is painted: from its traps and normal, iterations and what the orbit
+    /// noted.
+    pub(super) fn painted(
         &self,
+        value: FieldValue<'g>,
         frame: &Frame,
-        (trap, normal): (Expr<'g>, Expr<'g>),
         iterations: Expr<'g>,
         marked: &Marked<'g>,
-    ) -> ComposeResult<Option<Matter<Expr<'g>>>> {
+    ) -> ComposeResult<FieldValue<'g>> {
         let Composer { arena, graph, .. } = *self.composer;
-        if self.purpose != Purpose::Surface || !graph.scene.look.is_painted() {
-            return Ok(None);
+        let (Some(trap), Some(normal)) = (value.trap, value.gradient) else { return Ok(value) };
+        if !graph.scene.look.is_painted() {
+            return Ok(value);
         }
         let Query { d, hit_eps, .. } = Query::first(arena);
-        let place = matter::Place {
+        let place = Seen {
             position: self.local(frame)?.xyz(),
             normal,
             view: -d,
@@ -314,10 +314,25 @@ impl<'g> FieldBuilder<'_, 'g> {
             smooth: marked.smooth,
             radius: marked.radius,
         };
-        let across = graph.scene.plane.map(|plane| cross(plane.right, plane.up));
+        Ok(match graph.scene.look.parts.is_empty() {
+            true => FieldValue { place: Some(place), ..value },
+            false => FieldValue { matter: Some(self.matter_at(&place)?), ..value },
+        })
+    }
+
+    fn matter_at(&self, place: &Seen<'g>) -> ComposeResult<Matter<Expr<'g>>> {
+        let plane = self.composer.graph.scene.plane;
         match self.shows {
-            Shows::Matter => self.painter.matter(self.composer, &place, across).map(Some),
-            Shows::Tones => Ok(Some(self.painter.tones(self.composer, &place))),
+            Shows::Matter => self.painter.matter(self.composer, place, plane.map(|plane| cross(plane.right, plane.up))),
+            Shows::Tones => Ok(self.painter.tones(self.composer, place)),
+        }
+    }
+
+    /// What the surface of the whole field is made of, where the look is painted.
+    pub(super) fn matter(&self, value: &FieldValue<'g>) -> ComposeResult<Option<Matter<Expr<'g>>>> {
+        match &value.place {
+            Some(place) => self.matter_at(place).map(Some),
+            None => Ok(value.matter),
         }
     }
 
@@ -428,15 +443,11 @@ impl<'g> FieldBuilder<'_, 'g> {
             false => d,
         };
         let (gradient, trap, shallow) = (shown(0), shown(1), (!is_shape).then_some(inside));
-        let matter = match (trap, gradient) {
-            (Some(trap), Some(gradient)) => {
-                let look = &self.composer.graph.scene.look;
-                let marked = Marked::read(self.composer.arena, look.marks(), &leaf.outputs[3..]);
-                self.matter(frame, (trap, gradient), leaf.n, &marked)?
-            }
-            _ => None,
-        };
-        Ok(FieldValue { d, inside, unclear: None, shallow, gradient, trap, matter, decider })
+        let plain = FieldValue::plain(d, inside);
+        let value = FieldValue { shallow, gradient, trap, decider, ..plain };
+        let marks = self.composer.graph.scene.look.marks();
+        let further = if is_surface { &leaf.outputs[3..] } else { &[] };
+        self.painted(value, frame, leaf.n, &Marked::read(self.composer.arena, marks, further))
     }
 
     /// Of a large set that rays come to from far away: half the way to its middle is the most that an estimate says, since

@@ -11,6 +11,7 @@ use crate::graph::{Blend, By, Layer, Look, MOST_LAYERS, Paint, Spread};
 use crate::kernel::records::Matter;
 
 /// What is known of a place of a surface.
+#[derive(Clone, Copy)]
 pub(super) struct Place<'g> {
     /// The point, in the frame of its part.
     pub(super) position: Expr<'g>,
@@ -29,6 +30,25 @@ pub(super) struct Place<'g> {
     pub(super) iterations: Expr<'g>,
     pub(super) smooth: Expr<'g>,
     pub(super) radius: Expr<'g>,
+}
+
+impl<'g> Place<'g> {
+    fn values(self) -> [Expr<'g>; 10] {
+        let Place { position, normal, view, footprint, trap, caught, places, iterations, smooth, radius } = self;
+        [position, normal, view, footprint, trap, caught, places, iterations, smooth, radius]
+    }
+
+    /// Each value of two places made one.
+    pub(super) fn joined(
+        a: Option<Self>,
+        b: Option<Self>,
+        join: impl Fn(Expr<'g>, Expr<'g>) -> Expr<'g>,
+    ) -> Option<Self> {
+        let (a, b) = (a?.values(), b?.values());
+        let [position, normal, view, footprint, trap, caught, places, iterations, smooth, radius] =
+            std::array::from_fn(|i| join(a[i], b[i]));
+        Some(Place { position, normal, view, footprint, trap, caught, places, iterations, smooth, radius })
+    }
 }
 
 /// The paint of a part, and its number: 0 is that of all that has none of its own.

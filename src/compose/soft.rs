@@ -41,10 +41,13 @@ pub(super) fn compose_soft_surface(composer: &Composer, choices: &[Choice]) -> C
     let leaves: Vec<Leaf> = orbits.iter().map(|orbit| Leaf::new(arena, orbit, &mut inputs)).collect();
     let (own, corners) = leaves.split_at(specs.len());
     let mut combine = Function::new("combine", inputs);
-    let field = |leaves, purpose, at| {
+    let builder = |leaves, purpose, at| {
         let (specs, n, painter) = (&specs[..], arena.f(0.0), Painter::of_look(look));
         let shows = Shows::Matter;
-        let field = FieldBuilder { composer, specs, choices, leaves: Some(leaves), purpose, at, n, painter, shows };
+        FieldBuilder { composer, specs, choices, leaves: Some(leaves), purpose, at, n, painter, shows }
+    };
+    let field = |leaves, purpose, at| {
+        let field: FieldBuilder = builder(leaves, purpose, at);
         field.value(composer.graph.output, &Default::default())
     };
     let value = field(own, Purpose::Surface, p)?;
@@ -59,7 +62,7 @@ pub(super) fn compose_soft_surface(composer: &Composer, choices: &[Choice]) -> C
     let is_known = arena.f(0.0).lt(length).and(length.lt(arena.f(1e30)));
     let gradient = is_known.select(slope / length.max(arena.f(1e-30)), fallback);
     Surface { gradient, trap: value.trap.unwrap_or_else(|| untouched(arena)) }.write(&mut combine);
-    if let Some(matter) = value.matter {
+    if let Some(matter) = builder(own, Purpose::Surface, p).matter(&value)? {
         write_matter(look, matter, &mut combine);
     }
     drop_unread(arena, &mut orbits, &combine);

@@ -87,14 +87,9 @@ impl<'g> FieldBuilder<'_, 'g> {
             arena.f((2 * self.specs.len() + k) as f64)
         });
         let trap = surface.then(|| untouched(arena));
-        let matter = match (trap, gradient) {
-            (Some(trap), Some(gradient)) => {
-                let nothing = Marked::read(arena, Marks::default(), &[]);
-                self.matter(frame, (trap, gradient), arena.f(0.0), &nothing)?
-            }
-            _ => None,
-        };
-        Ok(FieldValue { d, inside, unclear: None, shallow: None, gradient, trap, matter, decider })
+        let plain = FieldValue::plain(d, inside);
+        let value = FieldValue { gradient, trap, decider, ..plain };
+        self.painted(value, frame, arena.f(0.0), &Marked::read(arena, Marks::default(), &[]))
     }
 }
 

@@ -1,6 +1,6 @@
 //! A field at a point: its distance, what goes with it, and how two of them are joined.
 
-use super::matter::joined;
+use super::matter::{Place, joined};
 use crate::expr::Expr;
 use crate::kernel::records::Matter;
 
@@ -20,8 +20,10 @@ pub(super) struct FieldValue<'g> {
     pub(super) gradient: Option<Expr<'g>>,
     /// For surfaces: traps.
     pub(super) trap: Option<Expr<'g>>,
-    /// For painted surfaces: what they are made of.
+    /// For painted surfaces that have parts: what they are made of.
     pub(super) matter: Option<Matter<Expr<'g>>>,
+    /// For painted surfaces without parts: what is known of the place, of which matter is made once all are joined.
+    pub(super) place: Option<Place<'g>>,
     /// For decisions: number of the decider.
     pub(super) decider: Option<Expr<'g>>,
 }
@@ -30,7 +32,7 @@ impl<'g> FieldValue<'g> {
     /// A distance and membership alone.
     pub(super) fn plain(d: Expr<'g>, inside: Expr<'g>) -> FieldValue<'g> {
         let (unclear, shallow) = (None, None);
-        FieldValue { d, inside, unclear, shallow, gradient: None, trap: None, matter: None, decider: None }
+        FieldValue { d, inside, unclear, shallow, gradient: None, trap: None, matter: None, place: None, decider: None }
     }
 
     /// The first field where the condition holds, with another distance and membership.
@@ -45,6 +47,7 @@ impl<'g> FieldValue<'g> {
             gradient: pick(self.gradient, other.gradient),
             trap: pick(self.trap, other.trap),
             matter: joined(self.matter, other.matter, |a, b| first.select(a, b)),
+            place: Place::joined(self.place, other.place, |a, b| first.select(a, b)),
             decider: pick(self.decider, other.decider),
         }
     }
@@ -80,6 +83,7 @@ impl<'g> FieldValue<'g> {
         let blend = |a: Expr<'g>, b: Expr<'g>| near.select(a.mix(b, share), b.mix(a, share));
         let blended = |a: Option<Expr<'g>>, b: Option<Expr<'g>>| a.zip(b).map(|(a, b)| blend(a, b));
         let (gradient, matter) = (blended(self.gradient, other.gradient), joined(self.matter, other.matter, blend));
-        FieldValue { gradient, matter, ..self.pick(other, near, d, inside) }
+        let place = Place::joined(self.place, other.place, blend);
+        FieldValue { gradient, matter, place, ..self.pick(other, near, d, inside) }
     }
 }

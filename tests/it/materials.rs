@@ -88,7 +88,12 @@ fn materials_show() {
     let golden = |[r, g, b]: [u8; 3]| r > 60 && r > b.saturating_mul(2) && g > b;
     let blue = |[r, _, b]: [u8; 3]| b > 60 && b > r.saturating_mul(2);
     let picture = render(&[]);
-    assert!(count(&picture, golden) > 50 && count(&picture, blue) > 50, "{} {}", count(&picture, golden), count(&picture, blue));
+    assert!(
+        count(&picture, golden) > 50 && count(&picture, blue) > 50,
+        "{} {}",
+        count(&picture, golden),
+        count(&picture, blue)
+    );
     let black = render(&["--material", "rubber"]);
     assert!(count(&black, golden) == 0 && count(&black, blue) > 50);
 }
@@ -177,11 +182,18 @@ fn material(s, p) {
     let explained = success(&bulbfold(folder.path(), ["explain", "half.rhai"]));
     assert!(explained.contains("Share of it.") && explained.contains("0.1, 0.2, 0.3"), "{explained}");
     success(&bulbfold(folder.path(), ["render", "ball.ron", "--size", "16x9", "--backend", "cpu"]));
-    success(&bulbfold(folder.path(), ["render", "menger", "--material", "half.rhai", "--size", "16x9", "--backend", "cpu"]));
+    success(&bulbfold(
+        folder.path(),
+        ["render", "menger", "--material", "half.rhai", "--size", "16x9", "--backend", "cpu"],
+    ));
     let wrong = material.replace("0.1, 0.2, 0.3", "0.1, 0.2, 0.4");
     let folder = folder_with(&[("half.rhai", &wrong)]);
     let output = bulbfold(folder.path(), ["test", "half.rhai"]);
-    assert!(output.status.code() == Some(1) && stdout(&output).contains("expected [0.1, 0.2, 0.4]"), "{}", stdout(&output));
+    assert!(
+        output.status.code() == Some(1) && stdout(&output).contains("expected [0.1, 0.2, 0.4]"),
+        "{}",
+        stdout(&output)
+    );
 }
 
 #[test]
@@ -196,7 +208,9 @@ fn materials_are_listed_explained_and_documented() {
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("the page was written");
     let (materials, palettes) = (read("materials.md"), read("palettes.md"));
     for material in Library::builtin().materials() {
-        assert!(listed.contains(&format!("{} ", material.name)) && materials.contains(&format!("### {}", material.name)));
+        assert!(
+            listed.contains(&format!("{} ", material.name)) && materials.contains(&format!("### {}", material.name))
+        );
     }
     assert!(palettes.contains("| ember |") && materials.contains("s.smooth"));
 }

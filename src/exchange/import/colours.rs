@@ -7,7 +7,6 @@ use super::{Lost, LostKind};
 use crate::colour::{Gradient, Rgb, Stop, hex, parse_colour};
 use crate::diag::{Diagnostic, Diagnostics};
 
-
 /// Names of a gradient: of the first material, and of files before 2.20, which have colours at equal distances; then those of files before
 /// materials.
 const GRADIENTS: [&str; 2] = ["mat1_surface_color_gradient", "surface_color_gradient"];
@@ -39,7 +38,8 @@ pub(super) fn colours(main: &Section, lost: &mut Vec<Lost>, d: &mut Diagnostics)
         None => return Vec::new(),
     };
     let offset = if is_old { offset / gradient.stops().len() as f64 } else { offset };
-    let algorithm = given("fractal_coloring_algorithm").and_then(|name| main.raw(&name).map(|entry| entry.value.clone()));
+    let algorithm =
+        given("fractal_coloring_algorithm").and_then(|name| main.raw(&name).map(|entry| entry.value.clone()));
     if algorithm.as_deref().is_some_and(|value| value != "0") {
         let why = "the gradient is placed by the orbit's least distance from the origin".into();
         let what = format!("fractal_coloring_algorithm {}", algorithm.unwrap_or_default());
