@@ -41,7 +41,7 @@ fn compare(gradient: &Gradient, backends: &Backends, target: Target) {
     let t = inputs.take("t", Type::F);
     let mut function = inputs.function("gradient");
     function.output("colour", gradient.compose(&arena, t));
-    let found = backends.run(target, &arena, &Kernel::Map(function), &[places.clone()]);
+    let found = backends.run(target, &arena, &Kernel::Map(function), std::slice::from_ref(&places));
     let found = found.unwrap_or_else(|error| panic!("{error}"));
     for (i, t) in places.iter().enumerate() {
         let expected = gradient.at(*t);
