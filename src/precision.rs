@@ -56,7 +56,7 @@ pub fn resolution(arena: &Arena, pipeline: &Pipeline, size: Size) -> Resolution 
     }
     let hits = march(arena, pipeline, size).expect("the CPU runs every kernel");
     let at = |t: f64, p: [f64; 3]| Resolution {
-        footprint: 2.0 * pipeline.pixel_radius * t,
+        footprint: pipeline.pixel.footprint(t),
         size: p.iter().fold(t, |most, x| most.max(x.abs())),
     };
     let mut all: Vec<Resolution> = hits.into_iter().map(|(t, p)| at(t, p)).collect();

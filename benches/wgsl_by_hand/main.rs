@@ -48,12 +48,12 @@ fn main() {
         let rays = gpu.run(&camera, &[&pixels]).expect("kernels run");
         let generated = gpu.prepare(&arena, pipeline.kernel(Role::March)).expect("kernels compile");
         let columns = gpu.download(&rays).expect("rays download");
-        let by_hand = ByHand::new(wgsl, &columns, pipeline.pixel_radius, 64);
+        let by_hand = ByHand::new(wgsl, &columns, pipeline.pixel.pixel_radius, 64);
         compare(name, rounds, &gpu, &generated, &rays, &by_hand);
         let rays = u64::from(size.width) * u64::from(size.height);
         for workgroup in [16, 32, 64, 128, 256].into_iter().filter(|&w| rays.div_ceil(u64::from(w)) <= MOST_WORKGROUPS)
         {
-            let by_hand = ByHand::new(wgsl, &columns, pipeline.pixel_radius, workgroup);
+            let by_hand = ByHand::new(wgsl, &columns, pipeline.pixel.pixel_radius, workgroup);
             let least = (0..=rounds).map(|_| milliseconds(|| by_hand.run())).fold(f64::INFINITY, f64::min);
             println!("{:<12} by hand in workgroups of {workgroup}: {least:.1} ms", "");
         }

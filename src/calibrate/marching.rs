@@ -51,7 +51,7 @@ impl<'a> Marching<'a> {
     pub fn compose(&self, plan: &Plan) -> ComposeResult<Kernel> {
         let precision = self.options.precision;
         let plan = plan.clone().in_precision(precision);
-        let settings = MarchSettings::of_plan(&plan, self.scale.pixel_radius, precision);
+        let settings = MarchSettings::of_plan(&plan, self.scale.pixel, precision);
         candidate(&self.subject.composer(), &plan.choices, &settings)
     }
 

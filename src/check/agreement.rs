@@ -2,10 +2,9 @@
 
 use super::backends::{Backends, Target};
 use super::subject::Subject;
-use super::truth::{Ray, Scale, Truth, Truths};
-use crate::graph::Camera;
+use super::truth::{Scale, Truth, Truths};
 use crate::render::{RenderSettings, compose_pipeline};
-use crate::shade::{CameraFrame, Size, pixel_radius};
+use crate::shade::{Size, rays};
 
 /// The picture on which back ends are compared.
 const SIZE: Size = Size { width: 64, height: 48 };
@@ -61,7 +60,7 @@ pub fn agreement(subject: &Subject, backends: &Backends, target: Target) -> Resu
     let depths = |target| backends.depths(target, subject.arena, &pipeline, &settings).map_err(|e| e.to_string());
     let (reference, found) = (depths(Target::CPU_F64)?, depths(target)?);
     let agrees = |a: Option<f64>, b: Option<f64>| match (a, b) {
-        (Some(a), Some(b)) => (a - b).abs() <= pipeline.pixel_radius * a,
+        (Some(a), Some(b)) => (a - b).abs() <= pipeline.pixel.radius(a),
         (None, None) => true,
         _ => false,
     };
@@ -71,7 +70,9 @@ pub fn agreement(subject: &Subject, backends: &Backends, target: Target) -> Resu
         pairs.filter(|(_, (a, b))| !agrees(**a, **b)).map(|(i, (a, b))| (place(i), *a, *b)).collect();
     let mut ambiguous = 0;
     if !different.is_empty() && different.len() <= ASKED {
-        let rays: Vec<Ray> = different.iter().map(|(place, ..)| ray(&pipeline.camera, *place)).collect();
+        let place = |(x, y): (u32, u32)| [f64::from(x) + 0.5, f64::from(y) + 0.5];
+        let places: Vec<[f64; 2]> = different.iter().map(|(pixel, ..)| place(*pixel)).collect();
+        let rays = rays(&pipeline.camera, SIZE, &places);
         let scale = Scale::of_view(&pipeline.camera, SIZE, subject.plan.bounding_radius);
         let truths = Truths::find(&composer, &pipeline.plan.choices, &rays, scale, &mut |_| true).map_err(failed)?;
         let mut known = truths.depths.iter().map(|truth| *truth != Truth::Ambiguous);
@@ -80,14 +81,4 @@ pub fn agreement(subject: &Subject, backends: &Backends, target: Target) -> Resu
         ambiguous = before - different.len();
     }
     Ok(Agreement { counted: reference.len() - ambiguous, different, ambiguous })
-}
-
-/// The ray through a pixel's middle.
-fn ray(camera: &Camera, (x, y): (u32, u32)) -> Ray {
-    let frame = CameraFrame::new(camera);
-    let pixel = 2.0 * pixel_radius(camera, SIZE);
-    let right = pixel * (f64::from(x) + 0.5 - f64::from(SIZE.width) / 2.0);
-    let up = pixel * (f64::from(SIZE.height) / 2.0 - f64::from(y) - 0.5);
-    let d = [0, 1, 2].map(|i| frame.right[i] * right + frame.up[i] * up + frame.forward[i]);
-    (camera.position, glam::DVec3::from(d).normalize().to_array())
 }

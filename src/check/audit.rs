@@ -11,7 +11,7 @@ use crate::graph::{EstimateSettings, Method};
 use crate::kernel::BackendError;
 use crate::kernel::cpu::Cpu;
 use crate::kernel::records::Marched;
-use crate::march::is_undecided;
+use crate::march::{Threshold, is_undecided};
 use crate::math::Precision;
 use crate::math::random::Random;
 use crate::render::passes::centres;
@@ -110,7 +110,7 @@ pub fn audit(
     };
     for (i, batch) in pixels.chunks(BATCH).enumerate() {
         let [estimated, certified] = work(batch).map_err(|error| Diagnostic::error(error.to_string()))?;
-        audit.add(batch, &estimated, &certified, pipelines[0].pixel_radius);
+        audit.add(batch, &estimated, &certified, pipelines[0].pixel);
         progress(((i + 1) * BATCH).min(rays) as f64 / rays as f64);
     }
     for steps in &mut audit.steps {
@@ -130,9 +130,9 @@ fn march_pixels(
 }
 
 impl Audit {
-    fn add(&mut self, pixels: &[(u32, u32)], estimated: &[Vec<f64>], certified: &[Vec<f64>], pixel_radius: f64) {
+    fn add(&mut self, pixels: &[(u32, u32)], estimated: &[Vec<f64>], certified: &[Vec<f64>], pixel: Threshold) {
         let ends = Marched::of(estimated).rays().zip(Marched::of(certified).rays());
-        for (pixel, (estimated, certified)) in pixels.iter().zip(ends) {
+        for (place, (estimated, certified)) in pixels.iter().zip(ends) {
             self.rays += 1;
             self.steps[0] += estimated.steps;
             self.steps[1] += certified.steps;
@@ -143,7 +143,7 @@ impl Audit {
                 (false, Some(_)) => self.hit += 1,
                 (false, None) => self.empty += 1,
             }
-            let footprints = |a: f64, b: f64| (a - b) / (2.0 * pixel_radius * b);
+            let footprints = |a: f64, b: f64| (a - b) / pixel.footprint(b);
             let kind = match (found, proven) {
                 (Some(_), None) if !open => Mistake::False,
                 (Some(a), Some(b)) if !open && footprints(a, b) < -SLACK => Mistake::Early,
@@ -151,7 +151,7 @@ impl Audit {
                 (None, Some(_)) => Mistake::Missed,
                 _ => continue,
             };
-            self.wrong.push(Wrong { pixel: *pixel, kind, estimated: found, certified: proven });
+            self.wrong.push(Wrong { pixel: *place, kind, estimated: found, certified: proven });
         }
     }
 }

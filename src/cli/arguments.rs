@@ -339,10 +339,16 @@ pub fn parse_positive(text: &str) -> Result<f64, String> {
     if number > 0.0 { Ok(number) } else { Err("it must be above 0".into()) }
 }
 
+/// Reads `u,v`.
+pub fn parse_pair(text: &str) -> Result<[f64; 2], String> {
+    let parts = text.split(',').map(parse_number).collect::<Result<Vec<f64>, String>>()?;
+    <[f64; 2]>::try_from(parts).map_err(|_| "write two numbers such as 0.25,0.7".to_string())
+}
+
 /// Reads a vertical field of view in degrees.
 pub fn parse_fov(text: &str) -> Result<f64, String> {
     let fov = parse_number(text)?;
-    if (0.001..=175.0).contains(&fov) { Ok(fov) } else { Err("it must be from 0.001 to 175 degrees".into()) }
+    if (0.001..=360.0).contains(&fov) { Ok(fov) } else { Err("it must be from 0.001 to 360 degrees".into()) }
 }
 
 /// Reads `x,y,z`.

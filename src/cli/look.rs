@@ -15,9 +15,9 @@ pub struct LookArgs {
     /// Take the colours of a palette (`bulbfold list palettes`), of a file (.ggr, .ugr, .gradient, .map, .ron, a list of colours), or random ones
     #[arg(long, value_name = "NAME|FILE|random")]
     palette: Option<PathBuf>,
-    /// Which random palette
-    #[arg(long, value_name = "N", requires = "palette")]
-    seed: Option<u64>,
+    /// Which random palette, and which random numbers of paths
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
     /// Make the surface of a material (`bulbfold list materials`), or of a material file
     #[arg(long, value_name = "NAME|FILE.rhai")]
     material: Option<PathBuf>,
@@ -25,8 +25,14 @@ pub struct LookArgs {
 
 impl LookArgs {
     /// What is changed in the formula: pairs of a path and a value in RON. A material's file is read.
-    pub fn changes(&self, session: &mut Session) -> Result<Vec<(String, String)>, Failure> {
+    /// `has_paths` says whether the seed is for paths of light, too.
+    pub fn changes(&self, session: &mut Session, has_paths: bool) -> Result<Vec<(String, String)>, Failure> {
         let mut changes = Vec::new();
+        let is_random = self.palette.as_ref().is_some_and(|name| name.as_os_str() == "random");
+        if self.seed.is_some() && !is_random && !has_paths {
+            let help = "write `--palette random --seed N`, or `--integrator path --seed N`";
+            return Err(usage("`--seed` is for random palettes and paths of light", help));
+        }
         if let Some(palette) = &self.palette {
             changes.push(("look.palette".to_string(), self.palette(palette, session)?));
         }
@@ -47,9 +53,6 @@ impl LookArgs {
         let name = palette.to_string_lossy();
         if name == "random" {
             return Ok(ron(&random_gradient(self.seed.unwrap_or(0))));
-        }
-        if self.seed.is_some() {
-            return Err(usage("`--seed` is for random palettes", "write `--palette random --seed N`"));
         }
         if palettes::named(&name).is_some() || !palette.exists() {
             return Ok(format!("{name:?}"));

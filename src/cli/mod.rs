@@ -11,6 +11,7 @@ mod bench;
 mod calibrate;
 mod calibrate_write;
 mod calibration;
+mod camera;
 #[cfg(feature = "chart")]
 mod chart;
 mod check;

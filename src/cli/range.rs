@@ -89,8 +89,8 @@ impl FromStr for Range {
         {
             return Err(format!("`{name}` takes {count} numbers, not {}", odd.len()));
         }
-        if name == "fov" && all.iter().any(|end| !(0.001..=175.0).contains(&end[0])) {
-            return Err("`fov` must be from 0.001 to 175 degrees".into());
+        if name == "fov" && all.iter().any(|end| !(0.001..=360.0).contains(&end[0])) {
+            return Err("`fov` must be from 0.001 to 360 degrees".into());
         }
         Ok(Range { name, values })
     }

@@ -5,14 +5,16 @@ use std::path::{Path, PathBuf};
 #[cfg(feature = "chart")]
 use std::time::Instant;
 
-use bulbfold::engine::{CameraChange, Error, Job, Request};
+use bulbfold::engine::{Error, Job, Request};
 use bulbfold::files::Target;
 use bulbfold::film::PngFile;
+use bulbfold::graph::Camera;
 use bulbfold::render::{PathTracing, Sampling};
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
-use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PicturePrecision, parse_fov, parse_size, parse_vector};
+use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PicturePrecision, parse_size};
+use super::camera::{CameraArgs, flags, usual_size};
 use super::look::LookArgs;
 use super::output::{Content, check_output, not_written, refuse_both};
 use super::progress::short;
@@ -31,6 +33,8 @@ Examples:
   bulbfold render mandelbox --palette lagoon --material wax -o wax.png
   bulbfold render mandelbulb --palette random --seed 7 -o random.png
   bulbfold render mandelbulb --set power=6 --camera 1.5,-2,1 --fov 30 -o close.png
+  bulbfold render mandelbox --zoom 20 --at 0.4,0.6 -o close.png
+  bulbfold render menger --lens equirectangular --camera 0.1,0.2,0 --target 1,0,0 -o around.png
   bulbfold render box_bulb --view error --stats -o box_bulb_error.png
   bulbfold render mandelbulb --set 'plane=(center: (0, 0, 0.2), height: 2.6)' -o slice.png
   bulbfold render mandelbulb --sweep power=2..12 --sweep turn=0..90 --frames 48 -o bulb_%04d.png")]
@@ -117,6 +121,12 @@ impl Arguments {
         DEFAULT_SIZE
     }
 
+    /// The picture's size: what is given, else one that suits the lens.
+    fn size_for(&self, own: Option<Camera>) -> Size {
+        let usual = || if self.is_plain() { usual_size(&self.camera.change(), own) } else { self.default_size() };
+        self.size.unwrap_or_else(usual)
+    }
+
     /// Whether this is a picture of the fractal, and not of what the march did.
     pub(super) fn is_plain(&self) -> bool {
         #[cfg(feature = "chart")]
@@ -142,7 +152,7 @@ impl Arguments {
             backend: self.backend.choice(),
             precision: self.precision.given(),
             exact_rays: self.exact_rays,
-            path: self.path.tracing(),
+            path: self.path.tracing(self.look.seed.unwrap_or(0)),
             ..self.estimate.request(self.size.unwrap_or_else(|| self.default_size()))
         }
     }
@@ -163,9 +173,6 @@ pub(super) struct PathArgs {
     /// Noise at which a tile of the picture is done, such as 2%; asks for `--integrator path`
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     noise: Option<f64>,
-    /// Chooses the random numbers of paths
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u32,
 }
 
 /// Where light comes from, as a flag's value.
@@ -181,9 +188,14 @@ enum IntegratorArg {
 const MOST_PATHS: u32 = 4096;
 
 impl PathArgs {
-    fn tracing(&self) -> Option<PathTracing> {
-        let is_asked = self.paths.is_some() || self.bounces.is_some() || self.noise.is_some();
-        if self.integrator == IntegratorArg::Direct && !is_asked {
+    /// Whether paths are asked for.
+    fn is_asked(&self) -> bool {
+        let is_meant = self.paths.is_some() || self.bounces.is_some() || self.noise.is_some();
+        self.integrator == IntegratorArg::Path || is_meant
+    }
+
+    fn tracing(&self, seed: u64) -> Option<PathTracing> {
+        if !self.is_asked() {
             return None;
         }
         let default = PathTracing::default();
@@ -192,7 +204,7 @@ impl PathArgs {
             samples: self.paths.unwrap_or(most),
             bounces: self.bounces.unwrap_or(default.bounces),
             noise: self.noise.unwrap_or(0.0),
-            seed: self.seed,
+            seed: seed as u32,
         })
     }
 }
@@ -207,57 +219,11 @@ fn parse_share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// What replaces parts of the file's camera.
-#[derive(Args, Clone, Copy, Default, Debug)]
-pub(super) struct CameraArgs {
-    /// Position of the camera, in world units
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_vector)]
-    pub(super) camera: Option<[f64; 3]>,
-    /// The point in the middle of the picture
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_vector)]
-    pub(super) target: Option<[f64; 3]>,
-    /// Roughly upwards
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_vector)]
-    pub(super) up: Option<[f64; 3]>,
-    /// Angle from the bottom to the top of the picture, in degrees
-    #[arg(long, value_name = "DEG", value_parser = parse_fov)]
-    pub(super) fov: Option<f64>,
-    /// Angle of a turn around the target about the up direction, in radians: of sweeps.
-    #[arg(skip)]
-    pub(super) turn: Option<f64>,
-}
-
-impl CameraArgs {
-    /// Takes a change of a file's camera, which then need not have one. An option of the same meaning wins.
-    fn takes(&mut self, path: &str, value: &str) -> bool {
-        let inner = value.strip_prefix('(').and_then(|text| text.strip_suffix(')')).unwrap_or(value);
-        let vector = |known: &mut Option<[f64; 3]>| parse_vector(inner).map(|new| *known = known.or(Some(new))).is_ok();
-        match path {
-            "camera.position" => vector(&mut self.camera),
-            "camera.target" => vector(&mut self.target),
-            "camera.up" => vector(&mut self.up),
-            "camera.fov" => parse_fov(value).map(|new| self.fov = self.fov.or(Some(new))).is_ok(),
-            _ => false,
-        }
-    }
-
-    /// As the engine takes it.
-    pub(super) fn change(&self) -> CameraChange {
-        CameraChange {
-            position: self.camera,
-            target: self.target,
-            up: self.up,
-            fov: self.fov.map(f64::to_radians),
-            turn: self.turn,
-        }
-    }
-}
-
 impl Arguments {
     /// What is changed in the formula.
     pub(super) fn changes(&self, session: &mut Session) -> Result<Vec<(String, String)>, Failure> {
         let mut changes = self.formula.changes();
-        changes.extend(self.look.changes(session)?);
+        changes.extend(self.look.changes(session, self.path.is_asked())?);
         Ok(changes)
     }
 }
@@ -276,18 +242,22 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
         refuse_both(&output, "--json")?;
     }
     arguments.prepare();
-    let request = arguments.request();
+    let mut request = arguments.request();
     // Before anything is read: what contradicts itself is told at once.
     request.first_precision().map_err(|error| session.failed(error))?;
     let changes = arguments.changes(session)?;
     let formula = session.open(&arguments.formula.file, &changes)?;
     session.spare_inputs(&output)?;
+    request.size = arguments.size_for(formula.graph().scene.camera);
     if !arguments.is_plain() {
         refuse_plane(formula.graph(), "`--view`")?;
     }
     let mut watch = session.watch(arguments.quiet);
     let job = session.engine.settle(&formula, &request, &mut watch).map_err(|error| session.failed(error))?;
     drop(watch);
+    if let Some(camera) = job.camera.filter(|_| request.camera.is_move() && !arguments.quiet) {
+        flags(&camera, formula.graph().scene.camera).iter().for_each(|line| talk(line));
+    }
     #[cfg(feature = "chart")]
     if let Some(ViewArg(view)) = arguments.view {
         let start = Instant::now();

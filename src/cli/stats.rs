@@ -85,6 +85,7 @@ impl Report<'_> {
             "bounding_box": self.pipeline.bounds.sides.map(|sides| [sides.low, sides.high]),
             "camera": {
                 "position": camera.position, "target": camera.target, "up": camera.up, "fov": camera.fov.to_degrees(),
+                "lens": camera.lens.name(), "stereo": camera.stereo.map(|stereo| stereo.layout.name()),
             },
             "plane": self.pipeline.plane.map(|plane| json!({
                 "center": plane.center, "height": plane.height, "right": plane.right, "up": plane.up,

@@ -10,6 +10,7 @@ use bulbfold::expr::Arena;
 use bulbfold::files::Target;
 use bulbfold::film::PngFile;
 use bulbfold::frames::{FrameRenderer, Frames, JoinedFrames};
+use bulbfold::graph::{StereoLayout, ValidGraph};
 use bulbfold::kernel::template::Kept;
 use bulbfold::kernel::{Backend, BackendError, Compiling};
 use bulbfold::render::{RenderSettings, Renderer, Stats, beams_hold, compose_planned};
@@ -95,6 +96,7 @@ pub fn run(
     let failed = |error| session.failed(error);
     let mut watch = session.watch(arguments.quiet);
     let animation = Animation::settle(&session.library, &request, moved, &mut watch).map_err(failed)?;
+    refuse_anaglyphs(&animation.graphs)?;
     let settings = request.settings(animation.precision);
     let key = |graph| frame_key(session, arguments, &settings, graph);
     let keys: Vec<String> = animation.graphs.iter().map(key).collect();
@@ -170,6 +172,18 @@ fn moved(session: &mut Session, arguments: &Arguments, sweep: &SweepArgs, frames
         moved.push(Frame { graph: loaded.graph, camera: camera.change() });
     }
     Ok(moved)
+}
+
+/// Refuses anaglyphs, which are two renders a frame.
+fn refuse_anaglyphs(graphs: &[ValidGraph]) -> Outcome {
+    let layout = |graph: &ValidGraph| graph.scene.camera.and_then(|camera| camera.stereo).map(|stereo| stereo.layout);
+    match graphs.iter().any(|graph| layout(graph) == Some(StereoLayout::Anaglyph)) {
+        true => Err(usage(
+            "the frames of a sweep cannot be anaglyphs",
+            "render `--stereo left` and `--stereo right`, and join them",
+        )),
+        false => Ok(()),
+    }
 }
 
 /// The plans of frames that share their estimate.

@@ -147,7 +147,7 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
     let time = start.elapsed();
 
     let plan = plan.in_precision(precision);
-    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, precision);
+    let settings = MarchSettings::of_plan(&plan, scale.pixel, precision);
     let march = candidate(&composer, &plan.choices, &settings).map_err(|error| session.failure(error))?;
     let mut job = MarchJob { arena: &arena, march: &march, rays: &truths.rays, radius: scale.bounding_radius };
     let backends = session.engine.backends();

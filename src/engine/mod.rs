@@ -16,8 +16,10 @@
 //! # Ok::<(), bulbfold::engine::Error>(())
 //! ```
 
+mod anaglyph;
 mod animation;
 mod backend;
+mod camera;
 mod error;
 mod job;
 mod observer;
@@ -32,10 +34,11 @@ use std::sync::Arc;
 
 pub use animation::{Animation, Estimates, Frame};
 pub use backend::{Backends, Work};
+pub use camera::{CameraChange, Zoom};
 pub use error::{Error, FormulaMessages};
 pub use job::{Composed, Job};
 pub use observer::{Cancel, Observer, Stage};
-pub use request::{BackendChoice, CameraChange, Request};
+pub use request::{BackendChoice, Request};
 pub use running::{Done, Running};
 pub use settle::{Settled, Settling, Viewed};
 pub use sink::Sink;
@@ -161,7 +164,10 @@ impl Engine {
         sink: &mut dyn Sink,
         observer: &mut dyn Observer,
     ) -> Result<Done, Error> {
-        running::render(&self.backends, job, rows, sink, observer)
+        match anaglyph::eyes(job) {
+            Some(eyes) => anaglyph::render(&self.backends, &eyes, rows, sink, observer),
+            None => running::render(&self.backends, job, rows, sink, observer),
+        }
     }
 
     /// Settles and renders a whole picture into memory.

@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Error;
+use super::{CameraChange, Error};
 use crate::check::truth::Budget;
-use crate::graph::{Camera, EstimateSettings};
+use crate::graph::EstimateSettings;
 use crate::math::Precision;
 use crate::render::{PathTracing, RenderSettings, Sampling};
-use crate::shade::{CameraFrame, Size, turned};
+use crate::shade::Size;
 
 /// Where kernels run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -19,49 +19,6 @@ pub enum BackendChoice {
     Cpu,
     /// Any GPU adapter, also one in software.
     Gpu,
-}
-
-/// What replaces parts of a fractal's camera; what is `None` stays as it is.
-#[derive(Clone, Copy, PartialEq, Debug, Default, Serialize, Deserialize)]
-pub struct CameraChange {
-    /// Position, in world units.
-    pub position: Option<[f64; 3]>,
-    /// The point in the middle of the picture.
-    pub target: Option<[f64; 3]>,
-    /// Roughly upwards.
-    pub up: Option<[f64; 3]>,
-    /// Angle from the bottom to the top of the picture, in radians.
-    pub fov: Option<f64>,
-    /// Angle of a turn around the target about the up direction, in radians, after all else.
-    pub turn: Option<f64>,
-}
-
-impl CameraChange {
-    /// True where nothing changes.
-    pub fn is_empty(&self) -> bool {
-        *self == CameraChange::default()
-    }
-
-    /// The camera after the change.
-    ///
-    /// Errors: [`Error::Request`] where position, target and up direction lie on one line.
-    pub fn apply(&self, base: Camera) -> Result<Camera, Error> {
-        let mut camera = Camera {
-            position: self.position.unwrap_or(base.position),
-            target: self.target.unwrap_or(base.target),
-            up: self.up.unwrap_or(base.up),
-            fov: self.fov.unwrap_or(base.fov),
-        };
-        if let Some(angle) = self.turn {
-            camera = turned(&camera, angle);
-        }
-        let frame = CameraFrame::new(&camera);
-        if [frame.right, frame.up, frame.forward].iter().flatten().all(|x| x.is_finite()) {
-            return Ok(camera);
-        }
-        let help = "move --camera away from --target, or choose another --up";
-        Err(Error::request("the camera's position, target and up direction lie on one line", help))
-    }
 }
 
 /// What is wanted of a picture; the rest is chosen.

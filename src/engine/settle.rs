@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use super::camera::{Zoom, approached, rounded};
 use super::{BackendChoice, Error, Observer, Request, Stage};
 use crate::calibrate::{Calibration, Options, cache, calibrate};
 use crate::check::Subject;
@@ -15,7 +16,7 @@ use crate::formula::library::Library;
 use crate::graph::{Camera, ValidGraph};
 use crate::math::Precision;
 use crate::precision::{LEAST_ULPS, Resolution, resolution};
-use crate::render::{Iterations, Standpoint, camera_of, compose_planned, standpoint, tones};
+use crate::render::{Iterations, Standpoint, camera_of, compose_planned, standpoint, surface_at, tones};
 
 /// A fractal while what its picture needs is settled.
 #[derive(Clone, Copy)]
@@ -87,10 +88,38 @@ impl<'a> Settling<'a> {
             None => Ok(viewed),
             // What the file's estimate was calibrated on is not seen any more.
             Some(base) => {
-                let graph = viewed.graph.with_camera(change.apply(base)?).without_calibration();
-                Ok(Viewed { graph, plan: None })
+                let graph = viewed.graph.without_calibration();
+                let mut camera = change.apply(base)?;
+                if let Some(zoom) = change.zoom {
+                    camera = self.zoomed(&graph, camera, zoom)?;
+                }
+                Ok(Viewed { graph: graph.with_camera(camera), plan: None })
             }
         }
+    }
+
+    /// The camera nearer to the surface at a place of its picture. It goes there in steps, because the surface is known about as
+    /// well as pixels are large, and because what is near has detail that more iterations make.
+    fn zoomed(&self, graph: &ValidGraph, camera: Camera, zoom: Zoom) -> Result<Camera, Error> {
+        let (mut camera, mut at) = (camera, zoom.at);
+        for factor in zoom.steps() {
+            let graph = graph.clone().with_camera(camera);
+            let found = self.iterations(&graph, false)?;
+            let graph = found.map_or_else(|| graph.clone(), |found| found.apply(&graph));
+            let plan = self.plan(&graph)?;
+            let place = [at[0] * f64::from(self.request.size.width), at[1] * f64::from(self.request.size.height)];
+            let seen = surface_at(&self.composer(&graph), &plan, &camera, self.request.size, place);
+            let Some(surface) = seen.map_err(|message| self.failed(message))? else {
+                let text = format!("the picture shows no surface at {},{} to zoom to", at[0], at[1]);
+                return Err(Error::request(
+                    text,
+                    "0,0 is the upper left corner and 1,1 the lower right one: choose another `--at`",
+                ));
+            };
+            camera = approached(camera, surface, factor);
+            at = [0.5; 2];
+        }
+        rounded(camera)
     }
 
     /// The iterations that the view of a graph needs, where its limit follows the view. `is_own` says whether the file chose the view.

@@ -21,6 +21,8 @@ pub use near::{LEAST_HEIGHT, closest, compose_corner_march, compose_passing_marc
 pub use shadow::{Disc, SKIPPED, compose_shadow_march, is_hit_of, shadow_plan, share_lit};
 pub use still::{compose_still, still_plan};
 
+use serde::{Deserialize, Serialize};
+
 use self::relaxed::Relaxed;
 use crate::compose::Plan;
 use crate::expr::{Arena, Expr, Function, Inputs};
@@ -57,6 +59,45 @@ pub struct MarchSettings {
     pub relaxation: f64,
 }
 
+/// A hit threshold along a ray, or the radius of a pixel there: in world units, by the ray's parameter.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Threshold {
+    /// What it grows by with the distance.
+    pub pixel_radius: f64,
+    /// What does not grow, in world units.
+    pub fixed: f64,
+}
+
+impl Threshold {
+    /// The threshold at a depth, as an expression.
+    pub fn at<'g>(self, t: Expr<'g>) -> Expr<'g> {
+        if self.fixed > 0.0 { t * self.pixel_radius + self.fixed } else { t * self.pixel_radius }
+    }
+
+    /// The radius at a depth.
+    pub fn radius(self, t: f64) -> f64 {
+        t * self.pixel_radius + self.fixed
+    }
+
+    /// The diameter at a depth: a pixel's footprint.
+    pub fn footprint(self, t: f64) -> f64 {
+        2.0 * self.radius(t)
+    }
+
+    /// The same, larger by a factor.
+    #[must_use]
+    pub fn times(self, factor: f64) -> Threshold {
+        Threshold { pixel_radius: self.pixel_radius * factor, fixed: self.fixed * factor }
+    }
+}
+
+impl From<f64> for Threshold {
+    /// A threshold that grows with the distance, by its size at distance 1.
+    fn from(pixel_radius: f64) -> Threshold {
+        Threshold { pixel_radius, fixed: 0.0 }
+    }
+}
+
 /// Estimates after which a ray of estimates is unfinished.
 const MAX_STEPS: u32 = 1000;
 /// The same where estimates are proofs: a ray walks as long as it must through what can't be proven. Beside the axis of an
@@ -82,20 +123,23 @@ impl Default for MarchSettings {
 }
 
 impl MarchSettings {
-    /// How a plan's estimates are marched: what is not the plan's is a hit threshold and the precision.
-    pub fn of_plan(plan: &Plan, pixel_radius: f64, precision: Precision) -> MarchSettings {
+    /// The hit threshold.
+    pub fn threshold(&self) -> Threshold {
+        Threshold { pixel_radius: self.pixel_radius, fixed: self.hit_eps }
+    }
+
+    /// How a plan's estimates are marched: what is not the plan's is a pixel's radius and the precision.
+    pub fn of_plan(plan: &Plan, pixel: impl Into<Threshold>, precision: Precision) -> MarchSettings {
+        // Half a pixel, or what the plan says.
+        let pixel = match plan.stop_at {
+            None => pixel.into(),
+            Some(StopAt::Pixels(pixels)) => pixel.into().times(2.0 * pixels),
+            Some(StopAt::World(fixed)) => Threshold { pixel_radius: 0.0, fixed },
+        };
         MarchSettings {
             fudge: plan.fudge,
-            // Half a pixel, or what the plan says.
-            pixel_radius: match plan.stop_at {
-                None => pixel_radius,
-                Some(StopAt::Pixels(pixels)) => 2.0 * pixels * pixel_radius,
-                Some(StopAt::World(_)) => 0.0,
-            },
-            hit_eps: match plan.stop_at {
-                Some(StopAt::World(length)) => length,
-                _ => 0.0,
-            },
+            pixel_radius: pixel.pixel_radius,
+            hit_eps: pixel.fixed,
             stops_at_threshold: plan.stop_at.is_some(),
             least_step: plan.least_step,
             most_step: plan.most_step,

@@ -12,7 +12,7 @@ use crate::graph::Camera;
 use crate::kernel::records::Marched;
 use crate::kernel::{Backend, BackendError, Kernel, Status};
 use crate::march::{MarchSettings, beam_plan, compose_beam_march};
-use crate::shade::{self, Lighting, pixel_radius};
+use crate::shade::{self, Lighting, beam_radius};
 
 /// Edges of tiles in pixels: powers of two, falling.
 const EDGES: [u32; 5] = [32, 8, 4, 2, 1];
@@ -26,14 +26,14 @@ const WIDER: f64 = 1e-3;
 /// Tiles of a picture.
 #[derive(Clone, Debug)]
 pub struct BeamTiles {
-    /// Radius of a pixel at distance 1.
+    /// What directions differ by at most per half a pixel (see [`beam_radius`]).
     pixel_radius: f64,
     /// Edges of tiles in pixels, falling.
     edges: Vec<u32>,
 }
 
 /// Adds the passes of beams for a plan's rays within bounds, marched as `march` says, and gives their tiles; `None` where
-/// estimates hold along their ray alone.
+/// estimates hold along their ray alone, or no cone holds the lens's rays.
 pub(super) fn compose_beams(
     passes: &mut Passes<Kernel>,
     composer: &Composer,
@@ -43,6 +43,7 @@ pub(super) fn compose_beams(
     march: &MarchSettings,
 ) -> ComposeResult<Option<BeamTiles>> {
     let Some(plan) = beam_plan(plan) else { return Ok(None) };
+    let Some(pixel_radius) = beam_radius(camera, settings.size) else { return Ok(None) };
     let (arena, size) = (composer.arena, settings.size);
     let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
     let beam = Kernel::Map(shade::compose_beam(arena, camera, size, bounds));
@@ -54,7 +55,7 @@ pub(super) fn compose_beams(
     let background = Kernel::Map(shade::compose_background(arena, lighting, camera, size));
     passes.push(Role::Background, [Slot::Points], Slot::Backgrounds, background);
     Ok(Some(BeamTiles {
-        pixel_radius: pixel_radius(camera, size),
+        pixel_radius,
         edges: EDGES.into_iter().filter(|edge| edge * settings.samples.max(1) >= ENOUGH).collect(),
     }))
 }

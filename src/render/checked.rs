@@ -14,7 +14,8 @@ use crate::expr::Arena;
 use crate::graph::Camera;
 use crate::kernel::cpu::Cpu;
 use crate::kernel::{Backend, BackendError, Kernel};
-use crate::shade::{compose_camera, pixel_radius};
+use crate::march::Threshold;
+use crate::shade::{compose_camera, threshold};
 
 /// Rays that are marched with and without at most, and which share of a picture's.
 const MOST_RAYS: u64 = 4096;
@@ -44,7 +45,7 @@ pub fn beams_hold(arena: &Arena, pipeline: &Pipeline, settings: &RenderSettings)
         beams: Beams::new(tiles, passes, |pass| cpu.prepare(arena, &pass.kernel))?,
         begin: Chain::compile(&cpu, arena, passes, &[Slot::Begins], &[Slot::Rays])?,
         march: Chain::compile(&cpu, arena, passes, &[Slot::Rays], &[Slot::Ends])?,
-        footprint: 2.0 * pipeline.pixel_radius,
+        pixel: pipeline.pixel,
         cpu: &cpu,
     };
     let may = places.len() / ONE_ELSEWHERE;
@@ -75,8 +76,8 @@ pub(super) fn box_holds(
         let rays = cpu.run(&camera, &[&cpu.upload(&points)?])?;
         passes::depths(&cpu, &passes::march(&cpu, &march, &rays)?)
     };
-    let footprint = 2.0 * pixel_radius(camera, settings.size);
-    let elsewhere = differing(&depths(&Bounds::ball(bounds.radius))?, &depths(bounds)?, footprint);
+    let pixel = threshold(camera, settings.size);
+    let elsewhere = differing(&depths(&Bounds::ball(bounds.radius))?, &depths(bounds)?, pixel);
     Ok(elsewhere <= places.len() / ONE_ELSEWHERE)
 }
 
@@ -96,9 +97,9 @@ fn cpu_of(settings: &RenderSettings) -> Cpu {
 }
 
 /// Rays of which one alone hits, or whose hits are apart.
-fn differing(a: &[Option<f64>], b: &[Option<f64>], footprint: f64) -> usize {
+fn differing(a: &[Option<f64>], b: &[Option<f64>], pixel: Threshold) -> usize {
     let differs = |(a, b): &(&Option<f64>, &Option<f64>)| match (a, b) {
-        (Some(a), Some(b)) => (a - b).abs() > ELSEWHERE * footprint * a,
+        (Some(a), Some(b)) => (a - b).abs() > ELSEWHERE * pixel.footprint(*a),
         (a, b) => a.is_some() != b.is_some(),
     };
     a.iter().zip(b).filter(differs).count()
@@ -110,8 +111,8 @@ struct Trial<'a> {
     beams: Beams<Cpu>,
     begin: Chain<Cpu>,
     march: Chain<Cpu>,
-    /// Diameter of a pixel at distance 1.
-    footprint: f64,
+    /// Radius of a pixel.
+    pixel: Threshold,
 }
 
 impl Trial<'_> {
@@ -123,7 +124,7 @@ impl Trial<'_> {
         let starts = self.beams.starts_of(self.cpu, pixels)?;
         let alone = self.depths(pixels, vec![0.0; pixels.len()])?;
         let with = self.depths(pixels, starts)?;
-        Ok(differing(&alone, &with, self.footprint))
+        Ok(differing(&alone, &with, self.pixel))
     }
 
     /// Depths of rays that begin at these depths.

@@ -18,7 +18,7 @@ use crate::kernel::records::Answer;
 use crate::kernel::{Backend, Estimator, Kernel, inwards};
 use crate::march::{MarchSettings, compose_march};
 use crate::math::Precision;
-use crate::shade::{self, CameraFrame, Size, compose_camera, frame_automatically, pixel_radius};
+use crate::shade::{self, CameraFrame, Size, compose_camera, frame_automatically};
 
 /// Rays that look for what is there.
 const GRID: Size = Size { width: 64, height: 36 };
@@ -104,10 +104,32 @@ pub(super) fn coarse_hits(composer: &Composer, plan: &Plan, camera: &Camera, siz
 
 /// The hits of an even grid of a picture's pixels.
 fn hits(composer: &Composer, plan: &Plan, camera: &Camera, size: Size, grid: Size) -> ComposeResult<Vec<Hit>> {
+    hits_at(composer, plan, (camera, size), &passes::grid(grid, size))
+}
+
+/// The surface that a picture shows at a place, in pixels; nothing where it shows none.
+pub fn surface_at(
+    composer: &Composer,
+    plan: &Plan,
+    camera: &Camera,
+    size: Size,
+    [x, y]: [f64; 2],
+) -> ComposeResult<Option<[f64; 3]>> {
+    let hits = hits_at(composer, plan, (camera, size), &[vec![x], vec![y]])?;
+    Ok(hits[0].map(|(_, p)| p.to_array()))
+}
+
+/// The hits of places of a picture, in pixels.
+fn hits_at(
+    composer: &Composer,
+    plan: &Plan,
+    (camera, size): (&Camera, Size),
+    places: &[Vec<f64>; 2],
+) -> ComposeResult<Vec<Hit>> {
     let arena: &Arena = composer.arena;
     let cpu = Cpu::new(Precision::F64);
     let bounds = Bounds::ball(plan.bounding_radius);
-    let settings = MarchSettings::of_plan(plan, pixel_radius(camera, size), Precision::F64);
+    let settings = MarchSettings::of_plan(plan, shade::threshold(camera, size), Precision::F64);
     let plan = plan.clone().in_precision(Precision::F64);
     let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
     let mut passes = Passes::default();
@@ -116,7 +138,7 @@ fn hits(composer: &Composer, plan: &Plan, camera: &Camera, size: Size, grid: Siz
     let march = Kernel::March(compose_march(arena, estimator, &settings));
     passes.push(Role::March, [Slot::Rays], Slot::Ends, march);
     let marches = Marches::new(&cpu, arena, &passes).expect("the CPU takes every kernel");
-    let ends = marches.run(&cpu, &passes::grid(grid, size)).expect("the CPU runs every kernel");
+    let ends = marches.run(&cpu, places).expect("the CPU runs every kernel");
     Ok(ends.hits().map(|hit| hit.map(|(t, p)| (t, DVec3::from(p)))).collect())
 }
 
@@ -149,11 +171,12 @@ pub fn standpoint(composer: &Composer, plan: &Plan, camera: &Camera) -> ComposeR
         let result = cpu.download(&result).expect("the CPU holds every column");
         result[0].iter().map(|&inside| inside > 0.5).collect()
     };
-    if !inside(&[camera.position])[0] {
+    let back = DVec3::from(CameraFrame::new(camera).forward) * -1.0;
+    // Rays begin at the near plane. Parallel ones begin anywhere in it: in the set it is a cut, and the picture shows it.
+    let position = DVec3::from(camera.position) - back * camera.near;
+    if camera.is_parallel() || !inside(&[position.to_array()])[0] {
         return Ok(Standpoint::Free);
     }
-    let position = DVec3::from(camera.position);
-    let back = DVec3::from(CameraFrame::new(camera).forward) * -1.0;
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let spread = |i: usize| {
         let z = 1.0 - (2.0 * i as f64 + 1.0) / DIRECTIONS as f64;
@@ -225,14 +248,14 @@ impl Iterations {
             let graph = Iterations { rounds: Some(rounds), grows }.apply(graph);
             hits(&Composer { graph: &graph, ..*composer }, plan, &camera, size, SAMPLE)
         };
-        let footprint = 2.0 * shade::pixel_radius(&camera, size);
+        let pixel = shade::threshold(&camera, size);
         let mut rounds = 0;
         let mut before = see(0)?;
         loop {
             let after = see(rounds + 1)?;
             let both = || before.iter().zip(&after).filter(|(a, b)| a.is_some() || b.is_some());
             let differs = |(a, b): &(&Hit, &Hit)| match (a, b) {
-                (Some((a, _)), Some((b, _))) => (a - b).abs() > 0.5 * footprint * a,
+                (Some((a, _)), Some((b, _))) => (a - b).abs() > pixel.radius(*a),
                 _ => true,
             };
             let (all, changed) = (both().count(), both().filter(differs).count());

@@ -7,7 +7,7 @@ use crate::diag::Diagnostic;
 use crate::graph::{Camera, Light};
 use crate::kernel::Kernel;
 use crate::march::{self, Disc, MarchSettings, SKIPPED, compose_march};
-use crate::shade::{self, Lighting, Paths, Threshold};
+use crate::shade::{self, Lighting, Paths};
 
 /// What further rays are composed from.
 pub(super) struct Further<'a> {
@@ -44,17 +44,16 @@ impl Further<'_> {
 
     /// Adds the passes of a path's point: light that is picked there, the ray on which it goes on, its next state.
     pub fn path(&self, passes: &mut Passes<Kernel>, lighting: &Lighting) -> Result<(), Diagnostic> {
-        let (composer, settings) = (self.composer, self.settings);
+        let composer = self.composer;
         let (arena, look) = (composer.arena, &composer.graph.scene.look);
-        let paths = Paths { look, lighting, threshold: self.threshold(), bounds: self.bounds, sure_bounces: 3 };
+        let paths = Paths { look, lighting, threshold: self.march.threshold(), bounds: self.bounds, sure_bounces: 3 };
         let point = [Slot::Rays, Slot::Ends, Slot::Surfaces, Slot::Paths, Slot::Randoms];
         let mut seen = point.to_vec();
         if !lighting.lights.is_empty() {
             let ray = paths.compose_light_ray(arena, SKIPPED);
             passes.push(Role::LightRay, point, Slot::LightRays, Kernel::Map(ray));
             let plan = march::shadow_plan(self.plan);
-            let pixel_radius = shade::pixel_radius(self.camera, settings.size) * settings.detail;
-            let march = MarchSettings::of_plan(&plan, pixel_radius, settings.precision);
+            let march = self.march_of(&plan);
             let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
             let march = march::compose_shadow_march(arena, estimator, &march, Disc::Sharp(0.0));
             passes.push(Role::LightMarch, [Slot::LightRays], Slot::Lit, Kernel::March(march));
@@ -77,9 +76,10 @@ impl Further<'_> {
         Ok(())
     }
 
-    /// The hit threshold of the picture's rays.
-    fn threshold(&self) -> Threshold {
-        Threshold { pixel_radius: self.march.pixel_radius, fixed: self.march.hit_eps }
+    /// The march of a plan's estimates with the picture's pixels.
+    fn march_of(&self, plan: &Plan) -> MarchSettings {
+        let pixel = shade::threshold(self.camera, self.settings.size).times(self.settings.detail);
+        MarchSettings::of_plan(plan, pixel, self.settings.precision)
     }
 
     /// Rays towards a light from what is seen, and their march.
@@ -87,7 +87,7 @@ impl Further<'_> {
         let (composer, settings) = (self.composer, self.settings);
         let (arena, look) = (composer.arena, &composer.graph.scene.look);
         let skipped = if settings.plain { 0.0 } else { SKIPPED };
-        let ray = shade::compose_shadow_ray(arena, (light, look), self.threshold(), self.bounds, skipped);
+        let ray = shade::compose_shadow_ray(arena, (light, look), self.march.threshold(), self.bounds, skipped);
         passes.push(Role::ShadowRay(number), SEEN, Slot::ShadowRays(number), Kernel::Map(ray));
         let disc = Disc::of(light);
         let shadow = match settings.plain && matches!(disc, Disc::Sharp(_)) {
@@ -96,8 +96,7 @@ impl Further<'_> {
             }
             false => {
                 let plan = march::shadow_plan(self.plan);
-                let pixel_radius = shade::pixel_radius(self.camera, settings.size) * settings.detail;
-                let march = MarchSettings::of_plan(&plan, pixel_radius, settings.precision);
+                let march = self.march_of(&plan);
                 let estimator = compose_estimator(composer, &plan.choices, Purpose::March)?;
                 march::compose_shadow_march(arena, estimator, &march, disc)
             }
@@ -113,14 +112,13 @@ impl Further<'_> {
 
     /// Rays along normals, and what they find near.
     fn corners(&self, passes: &mut Passes<Kernel>, lighting: &Lighting) -> Result<(), Diagnostic> {
-        let (composer, settings) = (self.composer, self.settings);
+        let composer = self.composer;
         let (arena, look) = (composer.arena, &composer.graph.scene.look);
         let plan = march::corner_plan(self.plan);
         let reach = (look.occlusion_radius, march::LEAST_HEIGHT);
-        let ray = shade::compose_corner_ray(arena, look, self.threshold(), lighting.bounding_radius, reach);
+        let ray = shade::compose_corner_ray(arena, look, self.march.threshold(), lighting.bounding_radius, reach);
         passes.push(Role::CornerRay, SEEN, Slot::CornerRays, Kernel::Map(ray));
-        let pixel_radius = shade::pixel_radius(self.camera, settings.size) * settings.detail;
-        let march = MarchSettings::of_plan(&plan, pixel_radius, settings.precision);
+        let march = self.march_of(&plan);
         let estimator = compose_estimator(composer, &plan.choices, Purpose::Estimate)?;
         let corner = march::compose_corner_march(arena, estimator, &march);
         passes.push(Role::CornerMarch, [Slot::CornerRays], Slot::Corners, Kernel::March(corner));

@@ -22,7 +22,7 @@ mod traced;
 
 pub use beams::BeamTiles;
 pub use checked::beams_hold;
-pub use framing::{Iterations, Standpoint, automatic_camera, camera_of, standpoint};
+pub use framing::{Iterations, Standpoint, automatic_camera, camera_of, standpoint, surface_at};
 pub use passes::{Ends, Marches, Role};
 pub use pipeline::{Pipeline, Shape, compose_pipeline, compose_planned};
 pub use renderer::{Cut, Renderer};

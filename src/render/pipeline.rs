@@ -12,7 +12,7 @@ use crate::diag::Diagnostic;
 use crate::film::{Develop, compose_develop};
 use crate::graph::{Camera, Plane};
 use crate::kernel::{Kernel, March};
-use crate::march::{MarchSettings, compose_march};
+use crate::march::{MarchSettings, Threshold, compose_march};
 use crate::shade::{self, Lighting};
 
 /// Samples of a picture that a search for a box pays for.
@@ -28,8 +28,8 @@ pub struct Pipeline {
     pub bounds: Bounds,
     /// The plane that is seen, by one estimate at each point; absent where rays are marched.
     pub plane: Option<Plane>,
-    /// Radius of a pixel at distance 1, or in the plane.
-    pub pixel_radius: f64,
+    /// Radius of a pixel along a ray, or in the plane.
+    pub pixel: Threshold,
     /// The tiles of beams, which find out for many pixels at once how far nothing is; absent where every ray is marched by
     /// itself.
     pub tiles: Option<BeamTiles>,
@@ -102,8 +102,8 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let lighting = lighting.map_err(|error| Diagnostic::error(error.to_string()))?;
     let look = &scene.look;
     let arena = composer.arena;
-    let pixel_radius = shade::pixel_radius(&camera, settings.size);
-    let mut march = MarchSettings::of_plan(&plan, pixel_radius * settings.detail, settings.precision);
+    let pixel = shade::threshold(&camera, settings.size);
+    let mut march = MarchSettings::of_plan(&plan, pixel.times(settings.detail), settings.precision);
     if settings.plain {
         march.relaxation = 1.0;
     }
@@ -125,8 +125,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     passes.push(Role::March, [Slot::Rays], Slot::Ends, marched);
 
     // What is asked of surfaces, a hit threshold in front of them.
-    let threshold = shade::Threshold { pixel_radius: march.pixel_radius, fixed: march.hit_eps };
-    let point = shade::compose_surface_point(arena, threshold, settings.precision);
+    let point = shade::compose_surface_point(arena, march.threshold(), settings.precision);
     passes.push(Role::SurfacePoint, [Slot::Rays, Slot::Ends], Slot::Queries, Kernel::Map(point));
     let surface = compose_estimator(composer, &plan.choices, Purpose::Surface)?;
     passes.push(Role::Surface, [Slot::Queries], Slot::Surfaces, Kernel::Estimate(surface));
@@ -142,7 +141,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         passes.push(Role::Colour, seen, Slot::Colours, Kernel::Map(colour));
     }
     passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(compose_develop(arena, develop)));
-    Ok(Pipeline { camera, bounds, plane: None, pixel_radius, tiles, passes, plan })
+    Ok(Pipeline { camera, bounds, plane: None, pixel, tiles, passes, plan })
 }
 
 /// What a picture's rays are cut to: a box where one is wanted, proven and worth it, and rays end with it where they end without.

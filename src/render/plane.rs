@@ -7,7 +7,7 @@ use crate::diag::Diagnostic;
 use crate::film::{Develop, compose_develop};
 use crate::graph::Plane;
 use crate::kernel::Kernel;
-use crate::march::{MarchSettings, compose_still, still_plan};
+use crate::march::{MarchSettings, Threshold, compose_still, still_plan};
 use crate::shade;
 
 /// Composes the passes of a fractal's picture in a plane with the estimates of a plan.
@@ -43,7 +43,7 @@ pub(super) fn compose_plane(
         camera: shade::facing(plane),
         bounds: Bounds::ball(plan.bounding_radius),
         plane: Some(*plane),
-        pixel_radius,
+        pixel: Threshold { pixel_radius: 0.0, fixed: pixel_radius },
         tiles: None,
         passes,
         plan,

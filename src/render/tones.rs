@@ -9,7 +9,7 @@ use crate::kernel::cpu::Cpu;
 use crate::kernel::records::{Answer, Matter};
 use crate::kernel::{Backend, Estimator, Kernel};
 use crate::math::Precision;
-use crate::shade::{Size, pixel_radius};
+use crate::shade::{Size, threshold};
 
 /// Shares that a gradient is cut into.
 const SHARES: usize = 16;
@@ -85,13 +85,14 @@ fn on_cpu(composer: &Composer, kernel: &Kernel, columns: &[Vec<f64>]) -> Vec<Vec
 fn points_of_view(composer: &Composer, plan: &Plan, size: Size) -> ComposeResult<Points> {
     let camera = camera_of(composer, plan);
     let from = glam::DVec3::from(camera.position);
-    let radius = pixel_radius(&camera, size);
+    let threshold = threshold(&camera, size);
     let mut seen = Points::default();
     for (t, p) in coarse_hits(composer, plan, &camera, size)?.into_iter().flatten() {
         let direction = (p - from).normalize_or_zero();
-        seen.points.push((p - direction * (t * radius)).to_array());
+        let radius = threshold.radius(t);
+        seen.points.push((p - direction * radius).to_array());
         seen.directions.push(direction.to_array());
-        seen.footprints.push(t * radius);
+        seen.footprints.push(radius);
     }
     Ok(seen)
 }

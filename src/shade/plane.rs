@@ -24,7 +24,7 @@ pub fn facing(plane: &Plane) -> Camera {
     let away = plane.height / 2.0 / (FOV / 2.0).tan();
     let back = normal(plane);
     let position = [0, 1, 2].map(|i| plane.center[i] + back[i] * away);
-    Camera { position, target: plane.center, up: plane.up, fov: FOV }
+    Camera::new(position, plane.center, plane.up, FOV)
 }
 
 /// The direction out of the picture.

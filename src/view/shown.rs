@@ -86,7 +86,7 @@ pub fn show(
     marched: &PixelMarches,
     truths: Option<&Truths>,
 ) -> Shown {
-    let footprint = |t: f64| 2.0 * pipeline.pixel_radius * t;
+    let footprint = |t: f64| pipeline.pixel.footprint(t);
     let shown = match (view, truths) {
         (View::Error, Some(truths)) => errors(marched, truths),
         (View::Overshoot | View::Error, _) => overshoots(marched, footprint),

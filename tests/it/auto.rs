@@ -37,7 +37,7 @@ fn judge(formula: &Formula, calibration: &Calibration, options: &Options, seed: 
     let truths = Truths::find(&composer, &subject.plan.choices, &rays, scale, &mut |_| true);
     let truths = truths.unwrap_or_else(|e| panic!("{}", e.message));
     let plan = calibration.plan.clone().in_precision(Precision::F32);
-    let settings = MarchSettings::of_plan(&plan, scale.pixel_radius, Precision::F32);
+    let settings = MarchSettings::of_plan(&plan, scale.pixel, Precision::F32);
     let march = candidate(&composer, &plan.choices, &settings).unwrap_or_else(|e| panic!("{}", e.message));
     let columns = ray_columns(&rays, scale.bounding_radius);
     let out = Backends::cpu_only().run(Target::CPU_F32, subject.arena, &march, &columns).unwrap();

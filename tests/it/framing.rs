@@ -70,7 +70,7 @@ fn a_camera_in_the_set_is_told_and_nothing_is_measured() {
 fn the_way_out_is_free() {
     let formula = Formula::builtin("mandelbulb").unwrap();
     let subject = formula.subject();
-    let camera = Camera { position: [0.0, 0.1, 0.0], target: [1.0, 0.0, 0.0], up: [0.0, 0.0, 1.0], fov: 0.6 };
+    let camera = Camera::new([0.0, 0.1, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.6);
     let place = |camera: &Camera| standpoint(&subject.composer(), &subject.plan, camera).unwrap();
     let Standpoint::Inside(Some(out)) = place(&camera) else { panic!("{:?}", place(&camera)) };
     assert_eq!(place(&Camera { position: out, ..camera }), Standpoint::Free);

@@ -59,7 +59,7 @@ fn ball() -> Formula {
 }
 
 /// From 5 below, straight up.
-const CAMERA: Camera = Camera { position: [0.0, -5.0, 0.0], target: [0.0; 3], up: [0.0, 0.0, 1.0], fov: 0.5 };
+const CAMERA: Camera = Camera::new([0.0, -5.0, 0.0], [0.0; 3], [0.0, 0.0, 1.0], 0.5);
 
 /// What the cut may not change: everything but times.
 fn counts(stats: &Stats) -> [u64; 8] {

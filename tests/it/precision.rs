@@ -90,7 +90,7 @@ fn depths(place: &Place, graph: &ValidGraph, precision: Precision) -> (Vec<Optio
     let pixels: Vec<(u32, u32)> =
         (0..SIZE.width * SIZE.height).step_by(7).map(|i| (i % SIZE.width, i / SIZE.width)).collect();
     let found = renderer.depths(&pixels).unwrap();
-    (found, resolution(&arena, &pipeline, SIZE), pipeline.pixel_radius)
+    (found, resolution(&arena, &pipeline, SIZE), pipeline.pixel.pixel_radius)
 }
 
 /// Median difference of f32's depths from f64's in footprints, and the share of pixels where only one of them hits.
@@ -262,7 +262,7 @@ const DELTAS: [f64; 2] = [1.0 / (1u64 << 30) as f64, 1.0 / (1u64 << 40) as f64];
 
 fn below(height: f64, at: [f64; 2], delta: f64) -> Camera {
     let position = [at[0], at[1], -height - delta];
-    Camera { position, target: [at[0], at[1], -height], up: [0.0, 1.0, 0.0], fov: 0.8 }
+    Camera::new(position, [at[0], at[1], -height], [0.0, 1.0, 0.0], 0.8)
 }
 
 #[test]

@@ -239,7 +239,7 @@ fn march(
     }
     let settings = MarchSettings {
         fudge,
-        pixel_radius: truths.scale.pixel_radius,
+        pixel_radius: truths.scale.pixel.pixel_radius,
         precision: Precision::F64,
         ..MarchSettings::default()
     };

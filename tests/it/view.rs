@@ -17,7 +17,7 @@ use crate::support::{self, folder, stderr};
 const SIZE: Size = Size { width: 48, height: 36 };
 
 /// From 5 below, straight up.
-const CAMERA: Camera = Camera { position: [0.0, -5.0, 0.0], target: [0.0; 3], up: [0.0, 0.0, 1.0], fov: 0.5 };
+const CAMERA: Camera = Camera::new([0.0, -5.0, 0.0], [0.0; 3], [0.0, 0.0, 1.0], 0.5);
 
 fn shown(formula: &Formula, view: View, estimate: EstimateSettings) -> Shown {
     shown_on(formula, view, estimate, CAMERA, Precision::F64)

@@ -20,7 +20,7 @@ use bulbfold::render::automatic_camera;
 use super::{as_text, composer, fixed_plan, salt, with_library};
 
 /// A camera for graphs that have none: the writers do not ask where it stands.
-const CAMERA: Camera = Camera { position: [4.0, -4.0, 3.0], target: [0.0; 3], up: [0.0, 0.0, 1.0], fov: 0.7 };
+const CAMERA: Camera = Camera::new([4.0, -4.0, 3.0], [0.0; 3], [0.0, 0.0, 1.0], 0.7);
 
 /// Every writer, of what loads.
 pub fn writers(bytes: &[u8]) {

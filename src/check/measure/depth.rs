@@ -83,7 +83,7 @@ pub fn measure(
         let columns = ray_columns(&near.rays, near.scale.bounding_radius);
         let mut measured = Vec::new();
         for &target in targets {
-            let march = march_kernel(subject, plan, &Candidate { target, ..candidate }, near.scale.pixel_radius)?;
+            let march = march_kernel(subject, plan, &Candidate { target, ..candidate }, near.scale.pixel)?;
             let out = backends.run(target, subject.arena, &march, &columns).map_err(|error| error.to_string())?;
             measured.push((target, Measured::new(&truths.judge(&ends(&out, near.rays.len())), 0.0)));
         }

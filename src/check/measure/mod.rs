@@ -15,8 +15,8 @@ use super::truth::{Judgement, Ray, Scale, Truths, candidate as candidate_march, 
 use crate::compose::{Plan, choose};
 use crate::graph::{Camera, DeForm, EstimateSettings, Method};
 use crate::kernel::Kernel;
-use crate::march::MarchSettings;
-use crate::shade::{CameraFrame, Size};
+use crate::march::{MarchSettings, Threshold};
+use crate::shade::{Size, rays};
 
 /// Copies of the rays that a GPU is timed with: a few hundred rays do not fill one.
 const GPU_COPIES: usize = 32;
@@ -45,22 +45,15 @@ impl View {
     /// About `count` rays of a camera.
     pub fn of_camera(camera: Camera, size: Size, bounding_radius: f64, count: usize) -> View {
         let scale = Scale::of_view(&camera, size, bounding_radius);
-        let pixel_radius = scale.pixel_radius;
-        let frame = CameraFrame::new(&camera);
         let (width, height) = (f64::from(size.width), f64::from(size.height));
         let columns = ((count as f64 * width / height).sqrt().round() as u32).clamp(1, size.width);
         let rows = ((count as f64 / f64::from(columns)).round() as u32).clamp(1, size.height);
         let pixel = |i: u32, of: u32, edge: f64| ((f64::from(i) + 0.5) / f64::from(of) * edge).floor() + 0.5;
-        let ray = |x: f64, y: f64| {
-            let right = (x - width / 2.0) * 2.0 * pixel_radius;
-            let up = (height / 2.0 - y) * 2.0 * pixel_radius;
-            let d = [0, 1, 2].map(|i| frame.right[i] * right + frame.up[i] * up + frame.forward[i]);
-            (camera.position, glam::DVec3::from(d).normalize().to_array())
-        };
-        let rays = (0..rows)
+        let places: Vec<[f64; 2]> = (0..rows)
             .flat_map(|j| (0..columns).map(move |i| (i, j)))
-            .map(|(i, j)| ray(pixel(i, columns, width), pixel(j, rows, height)))
+            .map(|(i, j)| [pixel(i, columns, width), pixel(j, rows, height)])
             .collect();
+        let rays = rays(&camera, size, &places);
         View { camera, size, scale, rays }
     }
 }
@@ -173,7 +166,7 @@ impl<'a> Measurer<'a> {
     /// Marches the view's rays and compares them with the truth. Errors are a step's or a back end's.
     pub fn measure(&mut self, candidate: &Candidate) -> Result<Measured, String> {
         let plan = self.plan(candidate)?;
-        let kernel = march_kernel(self.subject, &plan, candidate, self.truths.scale.pixel_radius)?;
+        let kernel = march_kernel(self.subject, &plan, candidate, self.truths.scale.pixel)?;
         let (arena, target) = (self.subject.arena, candidate.target);
         let copies = if target == Target::Gpu { GPU_COPIES } else { 1 };
         let columns: Vec<Vec<f64>> = self.columns.iter().map(|c| c.repeat(copies)).collect();
@@ -186,11 +179,11 @@ impl<'a> Measurer<'a> {
 }
 
 /// The march of a plan with a candidate's multiplier and precision.
-fn march_kernel(subject: &Subject, plan: &Plan, candidate: &Candidate, pixel_radius: f64) -> Result<Kernel, String> {
+fn march_kernel(subject: &Subject, plan: &Plan, candidate: &Candidate, pixel: Threshold) -> Result<Kernel, String> {
     let settings = MarchSettings {
         fudge: candidate.fudge,
         least_step: candidate.least_step.unwrap_or(plan.least_step),
-        ..MarchSettings::of_plan(plan, pixel_radius, candidate.target.precision())
+        ..MarchSettings::of_plan(plan, pixel, candidate.target.precision())
     };
     candidate_march(&subject.composer(), &plan.choices, &settings)
         .map_err(|error| error.rendered(&subject.library.sources))

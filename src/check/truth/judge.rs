@@ -228,7 +228,7 @@ impl Truths {
     /// Which of these depths on rays are members of the set.
     pub fn are_members(&self, places: &[(Ray, f64)]) -> Vec<bool> {
         let points: Vec<[f64; 3]> = places.iter().map(|&(ray, t)| point(ray, t)).collect();
-        let eps: Vec<f64> = places.iter().map(|(_, t)| self.scale.pixel_radius * t).collect();
+        let eps: Vec<f64> = places.iter().map(|(_, t)| self.scale.pixel.radius(*t)).collect();
         self.members().inside(&points, &eps)
     }
 }

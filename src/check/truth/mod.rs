@@ -32,8 +32,9 @@ use super::subject::sphere_range;
 use crate::compose::{Choice, ComposeResult, Composer};
 use crate::graph::Camera;
 use crate::kernel::records;
+use crate::march::Threshold;
 use crate::math::random::Random;
-use crate::shade::{CameraFrame, Size, pixel_radius};
+use crate::shade::{Size, rays, threshold};
 
 /// A ray: origin and unit direction, in world units.
 pub type Ray = ([f64; 3], [f64; 3]);
@@ -63,8 +64,8 @@ impl Truth {
 /// What rays are measured with.
 #[derive(Clone, Copy, PartialEq, Debug)]
 pub struct Scale {
-    /// Radius of a pixel at distance 1; steps are a quarter of a pixel's diameter and finer.
-    pub pixel_radius: f64,
+    /// Radius of a pixel; steps are a quarter of a pixel's diameter and finer.
+    pub pixel: Threshold,
     /// Radius of the ball around the world's origin that rays are clipped to.
     pub bounding_radius: f64,
     /// Depth below which steps no longer shrink with the distance; matters only for origins inside the bounding sphere.
@@ -80,33 +81,39 @@ pub const AGREEMENTS: u32 = 2;
 impl Scale {
     /// The scale of a view.
     pub fn of_view(camera: &Camera, size: Size, bounding_radius: f64) -> Scale {
-        let to_target = (glam::DVec3::from(camera.target) - glam::DVec3::from(camera.position)).length();
         Scale {
-            pixel_radius: pixel_radius(camera, size),
+            pixel: threshold(camera, size),
             bounding_radius,
-            nearest: 1e-3 * to_target,
+            nearest: 1e-3 * camera.distance(),
             agreements: AGREEMENTS,
+        }
+    }
+
+    /// Pixel radii that a ray goes from one depth to another.
+    fn thresholds_between(&self, near: f64, end: f64) -> f64 {
+        let Scale { pixel: Threshold { pixel_radius, fixed }, nearest, .. } = *self;
+        match fixed > 0.0 {
+            true => ((end - near) / fixed).max(0.0),
+            false => (end.max(nearest) / near.max(nearest)).ln().max(0.0) / pixel_radius,
         }
     }
 
     /// Diameter of a pixel at a depth.
     pub fn footprint(&self, depth: f64) -> f64 {
-        2.0 * self.pixel_radius * depth
+        self.pixel.footprint(depth)
     }
 }
 
 /// Random rays through a picture, the same for the same seed on every machine.
 pub fn view_rays(camera: &Camera, size: Size, count: usize, seed: u64) -> Vec<Ray> {
-    let frame = CameraFrame::new(camera);
-    let pixel = 2.0 * pixel_radius(camera, size);
     let mut random = Random::new(seed);
-    let mut ray = || {
-        let right = pixel * (random.unit() - 0.5) * f64::from(size.width);
-        let up = pixel * (random.unit() - 0.5) * f64::from(size.height);
-        let d = [0, 1, 2].map(|i| frame.right[i] * right + frame.up[i] * up + frame.forward[i]);
-        (camera.position, glam::DVec3::from(d).normalize().to_array())
+    let [width, height] = [size.width, size.height].map(f64::from);
+    let mut place = || {
+        let (x, y) = (random.unit(), random.unit());
+        [x * width, (1.0 - y) * height]
     };
-    (0..count).map(|_| ray()).collect()
+    let places: Vec<[f64; 2]> = (0..count).map(|_| place()).collect();
+    rays(camera, size, &places)
 }
 
 /// Rays and their first points of the set. The lists have equal lengths.
@@ -169,11 +176,11 @@ impl Truths {
     /// Hit thresholds that a ray goes inside the bounding sphere, to its hit or to the far side, on the average of those that meet
     /// the sphere.
     pub fn reach(&self) -> f64 {
-        let Scale { pixel_radius, bounding_radius, nearest, .. } = self.scale;
+        let Scale { bounding_radius, .. } = self.scale;
         let way = |(ray, truth): (&Ray, &Truth)| {
             let (near, far) = sphere_range(ray.0, ray.1, bounding_radius);
             let end = truth.depth().unwrap_or(far);
-            (near < far).then(|| (end.max(nearest) / near.max(nearest)).ln().max(0.0) / pixel_radius)
+            (near < far).then(|| self.scale.thresholds_between(near, end))
         };
         let ways: Vec<f64> = self.rays.iter().zip(&self.depths).filter_map(way).collect();
         ways.iter().sum::<f64>() / ways.len().max(1) as f64

@@ -16,8 +16,8 @@ impl Truths {
     /// Which of these stops have a member of the set within an eighth of a footprint.
     pub fn are_members_near(&self, places: &[(Ray, f64)]) -> Vec<bool> {
         let offset = |k: usize| 2.0 * k as f64 / (NEAR_STOP - 1) as f64 - 1.0;
-        let reach = NEAR_STOP_REACH * self.scale.pixel_radius;
-        self.have_members(places, NEAR_STOP, |k, t| t + reach * t * offset(k))
+        let pixel = self.scale.pixel;
+        self.have_members(places, NEAR_STOP, |k, t| t + NEAR_STOP_REACH * pixel.radius(t) * offset(k))
     }
 
     /// Which of these stops are early: no member of the set is at them, within an eighth of a footprint of them, or so near behind
@@ -36,7 +36,7 @@ impl Truths {
         let depths: Vec<f64> = places.iter().flat_map(|(_, t)| (0..count).map(|k| depth(k, *t))).collect();
         let rays = places.iter().flat_map(|(ray, _)| std::iter::repeat_n(*ray, count));
         let points: Vec<[f64; 3]> = rays.zip(&depths).map(|(ray, t)| point(ray, *t)).collect();
-        let eps: Vec<f64> = depths.iter().map(|t| self.scale.pixel_radius * t).collect();
+        let eps: Vec<f64> = depths.iter().map(|t| self.scale.pixel.radius(*t)).collect();
         self.members().inside(&points, &eps).chunks(count).map(|inside| inside.contains(&true)).collect()
     }
 }

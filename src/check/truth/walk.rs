@@ -6,6 +6,7 @@
 use super::membership::Members;
 use super::{Ray, Scale, Truth, point};
 use crate::check::subject::sphere_range;
+use crate::march::Threshold;
 use crate::math::random::Random;
 
 /// Samples of a ray that are tried at once, and rays that are walked at once.
@@ -72,7 +73,7 @@ impl Walker<'_> {
             for ((path, truth), before) in paths.iter_mut().zip(&mut truths).zip(before).filter(|((p, _), _)| p.open) {
                 let answer = match (before, path.first) {
                     (None, None) => Truth::Miss,
-                    (Some(a), Some((_, b))) if (a - b).abs() <= self.scale.pixel_radius * b => Truth::Hit(b),
+                    (Some(a), Some((_, b))) if (a - b).abs() <= self.scale.pixel.radius(b) => Truth::Hit(b),
                     _ => {
                         path.agreed = 0;
                         continue;
@@ -96,15 +97,21 @@ impl Walker<'_> {
     }
 
     /// The place of a depth in a ray's division, in which a pixel radius has length 1: linear up to `nearest`, then
-    /// logarithmic.
+    /// logarithmic. All of it is linear where pixels do not grow.
     fn division(&self, t: f64) -> f64 {
-        let Scale { pixel_radius, nearest, .. } = self.scale;
+        let Scale { pixel: Threshold { pixel_radius, fixed }, nearest, .. } = self.scale;
+        if fixed > 0.0 {
+            return t / fixed;
+        }
         if t < nearest { t / (nearest * pixel_radius) } else { (1.0 + (t / nearest).ln()) / pixel_radius }
     }
 
     /// The depth of a place in a ray's division.
     fn depth(&self, u: f64) -> f64 {
-        let Scale { pixel_radius, nearest, .. } = self.scale;
+        let Scale { pixel: Threshold { pixel_radius, fixed }, nearest, .. } = self.scale;
+        if fixed > 0.0 {
+            return u * fixed;
+        }
         let u = u * pixel_radius;
         if u < 1.0 { u * nearest } else { (u - 1.0).exp() * nearest }
     }
@@ -112,7 +119,7 @@ impl Walker<'_> {
     fn inside(&self, places: &[(Ray, f64)]) -> Vec<bool> {
         let depths: Vec<f64> = places.iter().map(|(_, u)| self.depth(*u)).collect();
         let points: Vec<[f64; 3]> = places.iter().zip(&depths).map(|((ray, _), t)| point(*ray, *t)).collect();
-        let eps: Vec<f64> = depths.iter().map(|t| t * self.scale.pixel_radius).collect();
+        let eps: Vec<f64> = depths.iter().map(|t| self.scale.pixel.radius(*t)).collect();
         self.members.inside(&points, &eps)
     }
 
@@ -194,7 +201,7 @@ impl Walker<'_> {
         let exact = self.members.inside(&points, &vec![0.0; points.len()]);
         let mut random = Random::new(1);
         for ((&(i, t), at), _) in hits.iter().zip(points).zip(exact).filter(|(_, exact)| !*exact) {
-            let eps = t * self.scale.pixel_radius;
+            let eps = self.scale.pixel.radius(t);
             let mut near = || {
                 let offset = random.in_ball(eps);
                 [0, 1, 2].map(|axis| at[axis] + offset[axis])

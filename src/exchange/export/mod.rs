@@ -237,6 +237,7 @@ fn bare_glsl(text: &str) -> String {
 
 /// A shader for Fragmentarium's ray tracer, with a preset of the camera.
 fn fragmentarium(header: &str, body: &str, composer: &Composer, camera: &Camera) -> String {
+    let camera = &camera.flat();
     let vector = |v: [f64; 3]| format!("{},{},{}", v[0], v[1], v[2]);
     let distance = camera.position.iter().map(|x| x * x).sum::<f64>().sqrt();
     format!(

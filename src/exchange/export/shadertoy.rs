@@ -5,6 +5,7 @@ use crate::shade::placed;
 
 /// The functions `mainImage` and what it calls, which call `distance_estimate`.
 pub fn picture(camera: &Camera, scene: &Scene, bounding_radius: f64) -> String {
+    let camera = &camera.flat();
     let vector = |v: [f64; 3]| format!("vec3({:?}, {:?}, {:?})", v[0] as f32, v[1] as f32, v[2] as f32);
     let home = scene.home.unwrap_or(*camera);
     let sun = scene.sun().map(|light| placed(light, camera, &home));

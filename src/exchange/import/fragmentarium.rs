@@ -299,7 +299,7 @@ fn camera(shader: &Shader, d: &mut Diagnostics) -> Option<Camera> {
     let position = shader.vector("Eye", [0.0, 0.0, -5.0], d);
     let target = shader.vector("Target", [0.0; 3], d);
     let up = shader.vector("Up", [0.0, 1.0, 0.0], d);
-    shader.given("Eye").map(|_| Camera { position, target, up, fov: 2.0 * fov.atan() })
+    shader.given("Eye").map(|_| Camera::new(position, target, up, 2.0 * fov.atan()))
 }
 
 /// What becomes of a value that nothing reads: where the map has been compared, it bears on nothing but looks.

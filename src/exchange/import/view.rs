@@ -38,7 +38,7 @@ pub fn camera(
     let forward: [f64; 3] = std::array::from_fn(|i| target[i] - position[i]);
     let is_usable = norm(cross(forward, up)) > 1e-6 * norm(forward) * norm(up) && norm(forward) > 0.0;
     let (target, up) = if is_usable { (target, up) } else { turned(position, angles) };
-    Camera { position: mirror(position, 1.0), target: mirror(target, 1.0), up: mirror(up, -1.0), fov }
+    Camera::new(mirror(position, 1.0), mirror(target, 1.0), mirror(up, -1.0), fov)
 }
 
 /// The angle from bottom to top, in radians: stated in degrees since 2.21, before as the picture's height at distance 1, for

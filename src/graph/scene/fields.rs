@@ -1,37 +1,11 @@
-//! Reading cameras, planes and colours.
+//! Reading planes and colours.
 
-use super::{Camera, Palette, Plane};
+use super::{Palette, Plane};
 use crate::colour::{parse_colour, read_colour};
 use crate::diag::Diagnostic;
 use crate::formula::decode::Fields;
 use crate::formula::value::{Value, ValueKind};
 use crate::graph::read::{Reader, cross, dot};
-
-/// Reads `camera: (position: (x, y, z), ...)`.
-pub(super) fn read_camera(reader: &mut Reader, value: &Value) -> Option<Camera> {
-    let mut fields = Fields::new(value, "a camera", reader.d)?;
-    let position = fields.optional_value("position");
-    let target = fields.optional_value("target").and_then(|v| reader.vector(v, -1e9, 1e9)).unwrap_or([0.0; 3]);
-    let up = fields.optional_value("up").and_then(|v| reader.direction(v)).unwrap_or([0.0, 0.0, 1.0]);
-    let fov = fields.optional_value("fov").and_then(|v| reader.number(v, 0.001, 175.0)).unwrap_or(40.0);
-    let span = fields.span();
-    fields.finish(reader.d);
-    let Some(position) = position else {
-        reader.d.push(Diagnostic::error("a camera needs a `position`").label(span, ""));
-        return None;
-    };
-    let position = reader.vector(position, -1e9, 1e9)?;
-    let view = [0, 1, 2].map(|i| target[i] - position[i]);
-    let side = cross(view, up);
-    if dot(side, side) <= 1e-12 * dot(view, view) {
-        let message = "the camera's position, target and up direction lie on one line";
-        reader
-            .d
-            .push(Diagnostic::error(message).label(value.span, "").help("move the position, or choose another `up`"));
-        return None;
-    }
-    Some(Camera { position, target, up, fov: fov.to_radians() })
-}
 
 /// Reads `plane: (center: (x, y), height: h)`: the plane z = 0 seen from above, where the file gives no `right` and `up`.
 pub(super) fn read_plane(reader: &mut Reader, value: &Value) -> Option<Plane> {

@@ -3,6 +3,7 @@
 //! A fractal's file holds its default scene beside its nodes. In comes the file's value tree; out comes a [`Scene`], which the
 //! expressions of pictures are composed from. Formulas, their tests and their estimates do not depend on it.
 
+mod camera;
 mod environment;
 mod fields;
 mod light;
@@ -10,16 +11,16 @@ mod look;
 mod paint;
 mod traps;
 
+pub use camera::{Camera, CubeLayout, Lens, Stereo, StereoLayout};
 pub use environment::{Atmosphere, Environment, Glow};
 pub use light::{Cone, Light, LightKind, SUN_ANGLE, Space};
 pub use look::{Look, Part};
 pub use paint::{Blend, By, Layer, MOST_LAYERS, Marks, MaterialUse, Paint, Palette, Spread};
 pub use traps::{TRAPS, Trap};
 
-use serde::{Deserialize, Serialize};
-
+use self::camera::read_camera;
 use self::environment::{read_atmosphere, read_environment};
-use self::fields::{read_camera, read_plane};
+use self::fields::read_plane;
 use self::light::read_lights;
 use self::look::read_look;
 use super::read::Reader;
@@ -80,19 +81,6 @@ impl Scene {
         self.home = self.home.or(self.camera);
         self.camera = Some(camera);
     }
-}
-
-/// A perspective camera.
-#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
-pub struct Camera {
-    /// Position in world units.
-    pub position: [f64; 3],
-    /// The point in the middle of the picture.
-    pub target: [f64; 3],
-    /// Roughly upwards.
-    pub up: [f64; 3],
-    /// Angle from the bottom to the top of the picture, in radians.
-    pub fov: f64,
 }
 
 /// A rectangle of a plane through space, which a picture shows instead of a camera's view.

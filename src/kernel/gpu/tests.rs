@@ -264,7 +264,7 @@ fn depths_agree_with_the_cpu() {
                 if end == Status::Hit && expected_end == Status::Hit {
                     hits += 1;
                     let (a, b) = (got[0][i], expected[0][i]);
-                    close += usize::from((a - b).abs() <= pipeline.pixel_radius * b);
+                    close += usize::from((a - b).abs() <= pipeline.pixel.pixel_radius * b);
                 }
             }
             let share = |n: usize, of: usize| n as f64 / of as f64;

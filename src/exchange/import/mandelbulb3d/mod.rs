@@ -275,7 +275,7 @@ impl Reading<'_> {
         let position: [f64; 3] = std::array::from_fn(|i| middle[i] + along * ahead[i]);
         let distance = if along < -1e-12 { -along } else { 1.0 };
         let target = std::array::from_fn(|i| position[i] + distance * ahead[i]);
-        let camera = Camera { position, target, up: down.map(|part| -part), fov };
+        let camera = Camera::new(position, target, down.map(|part| -part), fov);
         let parts = [camera.position, camera.target, camera.up].concat();
         (step > 0.0 && fov.is_finite() && parts.iter().all(|part| part.is_finite() && part.abs() < 1e6))
             .then_some(camera)

@@ -1,0 +1,105 @@
+//! Anaglyphs: the pictures of both eyes, one after the other, and one picture of them.
+
+use std::io;
+use std::ops::Range;
+
+use super::{Backends, Done, Error, Job, Observer, Sink, Stage, running};
+use crate::diag::Diagnostic;
+use crate::film::{Layer, Rows};
+use crate::graph::{Camera, Stereo, StereoLayout};
+
+/// The jobs of the left and the right eye, where a job is an anaglyph.
+pub(super) fn eyes(job: &Job) -> Option<[Job; 2]> {
+    let camera = job.camera?;
+    let stereo = camera.stereo.filter(|stereo| stereo.layout == StereoLayout::Anaglyph)?;
+    let of = |layout| job.with_camera(Camera { stereo: Some(Stereo { layout, ..stereo }), ..camera });
+    Some([of(StereoLayout::Left), of(StereoLayout::Right)])
+}
+
+/// Renders rows of both eyes' pictures: red is the left one's, green and blue are the right one's. Memory holds the rows of one.
+pub(super) fn render(
+    backends: &Backends,
+    [left, right]: &[Job; 2],
+    rows: Range<u32>,
+    sink: &mut dyn Sink,
+    observer: &mut dyn Observer,
+) -> Result<Done, Error> {
+    let mut kept = Kept { layers: sink.layers(), srgb: Vec::new(), radiance: Vec::new() };
+    let first = running::render(backends, left, rows.clone(), &mut kept, &mut Half { observer, from: 0.0 })?;
+    let mut both = Both { left: kept, begun: [0; 2], sink };
+    let mut done = running::render(backends, right, rows, &mut both, &mut Half { observer, from: 0.5 })?;
+    done.stats.add(&first.stats);
+    done.stats.render += first.stats.render;
+    Ok(done)
+}
+
+/// The left eye's picture.
+struct Kept {
+    layers: &'static [Layer],
+    srgb: Vec<u8>,
+    radiance: Vec<f32>,
+}
+
+impl Sink for Kept {
+    fn layers(&self) -> &'static [Layer] {
+        self.layers
+    }
+
+    fn push(&mut self, mut rows: Rows) -> io::Result<()> {
+        self.srgb.append(&mut rows.srgb);
+        self.radiance.append(&mut rows.radiance);
+        Ok(())
+    }
+}
+
+/// Takes the right eye's rows and hands them on with the left eye's red.
+struct Both<'a> {
+    left: Kept,
+    /// Numbers of the left eye's picture that were used, of colours and of radiance.
+    begun: [usize; 2],
+    sink: &'a mut dyn Sink,
+}
+
+impl Sink for Both<'_> {
+    fn layers(&self) -> &'static [Layer] {
+        self.sink.layers()
+    }
+
+    fn push(&mut self, mut rows: Rows) -> io::Result<()> {
+        redden(&mut rows.srgb, &self.left.srgb[self.begun[0]..]);
+        redden(&mut rows.radiance, &self.left.radiance[self.begun[1]..]);
+        self.begun = [self.begun[0] + rows.srgb.len(), self.begun[1] + rows.radiance.len()];
+        self.sink.push(rows)
+    }
+}
+
+/// Gives pixels the red of others.
+fn redden<T: Copy>(pixels: &mut [T], others: &[T]) {
+    for (pixel, other) in pixels.chunks_exact_mut(3).zip(others.chunks_exact(3)) {
+        pixel[0] = other[0];
+    }
+}
+
+/// Half of the progress of two renders.
+struct Half<'a> {
+    observer: &'a mut dyn Observer,
+    from: f64,
+}
+
+impl Observer for Half<'_> {
+    fn progress(&mut self, stage: Stage, share: f64) {
+        self.observer.progress(stage, self.from + share / 2.0);
+    }
+
+    fn warn(&mut self, warning: Diagnostic) {
+        self.observer.warn(warning);
+    }
+
+    fn note(&mut self, text: &str) {
+        self.observer.note(text);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.observer.is_cancelled()
+    }
+}
