@@ -5,6 +5,7 @@
 //! `ValidGraph` need not fail for the user's mistakes any more (except errors inside a step's own script).
 
 mod budget;
+mod clip;
 pub(crate) mod escape;
 mod nodes;
 mod overrides;

@@ -41,6 +41,8 @@ const FIELDS: &[&str] = &[
     "plane",
     "bounding_radius",
     "cuts",
+    "clip",
+    "cut",
     "look",
     "light",
     "environment",

@@ -74,7 +74,7 @@ pub(super) struct Reader<'a> {
     pub d: &'a mut Diagnostics,
     /// The fractal's parameters, known before the first node is read.
     pub params: Vec<FractalParam>,
-    nodes: Vec<Option<Node>>,
+    pub(super) nodes: Vec<Option<Node>>,
     names: HashMap<String, usize>,
     inline: Vec<String>,
     /// Where a value of four components was read, until what holds it takes this.
@@ -107,6 +107,7 @@ impl Reader<'_> {
             Some(value) => self.wire(value),
             None => self.default_output(&nodes, fields.span()),
         };
+        let output = self.clipped(output, &mut fields);
         let orbit = self.orbit_settings(&mut fields, &OrbitSettings::default());
         let bounding_radius = fields.optional_value("bounding_radius").and_then(|v| self.number(v, 1e-6, 1e6));
         let cuts = fields.or("cuts", false, self.d);
