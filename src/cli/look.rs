@@ -1,92 +1,144 @@
-//! Options that change how surfaces look: `--palette`, `--seed` and `--material`.
+//! `bulbfold look`: views that are worth it, on a contact sheet.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use bulbfold::colour::{Gradient, palettes, random_gradient, read_gradient};
-use bulbfold::diag::Diagnostics;
-use bulbfold::files::{Chosen, MAX_TEXT, read_text};
+use bulbfold::chart::{Drawing, Item, Text, raster};
+use bulbfold::engine::{CameraChange, Request};
+use bulbfold::film::Image;
+use bulbfold::render::{FoundView, Search};
+use bulbfold::shade::Size;
 use clap::Args;
 
-use super::{Failure, Session, usage};
+use super::arguments::{AutoArgs, BackendArg, FormulaArgs, parse_size};
+use super::camera::flags;
+use super::output::{Content, check_output, not_written, refuse_both};
+use super::progress::Progress;
+use super::session::{refuse_plane, talk};
+use super::{Failure, Outcome, Session, message};
 
-/// What is changed of a look.
-#[derive(Args, Clone, Default, Debug)]
-pub struct LookArgs {
-    /// Take the colours of a palette (`bulbfold list palettes`), of a file (.ggr, .ugr, .gradient, .map, .ron, a list of colours), or random ones
-    #[arg(long, value_name = "NAME|FILE|random")]
-    palette: Option<PathBuf>,
-    /// Which random palette, and which random numbers of paths
-    #[arg(long, value_name = "N")]
-    pub seed: Option<u64>,
-    /// Make the surface of a material (`bulbfold list materials`), or of a material file
-    #[arg(long, value_name = "NAME|FILE.rhai")]
-    material: Option<PathBuf>,
+/// Arguments of `look`.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Examples:
+  bulbfold look mandelbox
+  bulbfold look menger --interior --count 6 --seed 3 -o inside.png
+  bulbfold render mandelbox --camera=... --target=... --up=... --fov 50    a line of the list, as it is
+
+Each view is printed with its number on the sheet, its worth and its share of hits, and the arguments that render it.")]
+pub struct Arguments {
+    #[command(flatten)]
+    formula: FormulaArgs,
+    /// Look in cavities, rather than from outside
+    #[arg(long)]
+    interior: bool,
+    /// Views, at most
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(1..=99))]
+    count: u32,
+    /// Other seeds find other views
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// The contact sheet to write; - is stdout [default: NAME_look.png]
+    #[arg(short, long, value_name = "OUT.png")]
+    output: Option<PathBuf>,
+    /// Columns and rows of each picture
+    #[arg(long, value_name = "WxH", default_value = "384x240", value_parser = parse_size)]
+    size: Size,
+    /// Where to compute
+    #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
+    backend: BackendArg,
+    #[command(flatten)]
+    estimate: AutoArgs,
+    /// Print no progress
+    #[arg(short, long)]
+    quiet: bool,
 }
 
-impl LookArgs {
-    /// What is changed in the formula: pairs of a path and a value in RON. A material's file is read.
-    /// `has_paths` says whether the seed is for paths of light, too.
-    pub fn changes(&self, session: &mut Session, has_paths: bool) -> Result<Vec<(String, String)>, Failure> {
-        let mut changes = Vec::new();
-        let is_random = self.palette.as_ref().is_some_and(|name| name.as_os_str() == "random");
-        if self.seed.is_some() && !is_random && !has_paths {
-            let help = "write `--palette random --seed N`, or `--integrator path --seed N`";
-            return Err(usage("`--seed` is for random palettes and paths of light", help));
-        }
-        if let Some(palette) = &self.palette {
-            changes.push(("look.palette".to_string(), self.palette(palette, session)?));
-        }
-        if let Some(material) = &self.material {
-            let mut name = material.to_string_lossy().into_owned();
-            if material.extension().is_some_and(|e| e == "rhai") {
-                let mut d = Diagnostics::default();
-                session.library.add_step_file(material, &mut d);
-                session.report(d)?;
-                name = material.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            }
-            changes.push(("look.material".to_string(), format!("{name:?}")));
-        }
-        Ok(changes)
-    }
+/// Samples along each edge of a pixel.
+const SAMPLES: u32 = 2;
+/// Space around pictures, size of numbers, and their place in a picture.
+const SPACE: f64 = 8.0;
+const NUMBER: f64 = 18.0;
 
-    fn palette(&self, palette: &Path, session: &mut Session) -> Result<String, Failure> {
-        let name = palette.to_string_lossy();
-        if name == "random" {
-            return Ok(ron(&random_gradient(self.seed.unwrap_or(0))));
-        }
-        if palettes::named(&name).is_some() || !palette.exists() {
-            return Ok(format!("{name:?}"));
-        }
-        read_file(palette, session).map(|gradient| ron(&gradient))
-    }
-}
-
-/// The gradient of a file.
-fn read_file(path: &Path, session: &mut Session) -> Result<Gradient, Failure> {
-    let shown = path.display();
-    let text = read_text(path, MAX_TEXT, Chosen::Named);
-    let text = text.map_err(|error| usage(format!("cannot read {shown}: {error}"), ""))?;
-    session.library.note_input(path);
-    if path.extension().is_some_and(|e| e == "ron") {
-        let id = session.library.sources.add(shown.to_string(), text);
-        let mut d = Diagnostics::default();
-        let palette = palettes::read_palette_file(&session.library.sources, id, &shown.to_string(), &mut d);
-        session.report(d)?;
-        return palette.map(|palette| palette.gradient).ok_or_else(|| usage(format!("{shown} is no palette"), ""));
-    }
-    read_gradient(&text).map_err(|error| {
-        let help = "gradients are files of GIMP (.ggr), Ultra Fractal (.ugr, .gradient) and Fractint (.map), palettes (.ron), and lists \
-                    such as `#102040, #e0a060 70%, #ffffff`";
-        usage(format!("{shown}:{}: {}", error.line, error.why), help)
-    })
-}
-
-/// A gradient as formula files have it.
-fn ron(gradient: &Gradient) -> String {
-    let stop = |stop: &bulbfold::colour::Stop| {
-        let [r, g, b] = stop.colour;
-        format!("(({r:?}, {g:?}, {b:?}), {:?})", stop.at)
+/// Runs the command.
+pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
+    let stem = Path::new(&arguments.formula.file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let output = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{stem}_look.png")));
+    let output = check_output(&output, Some("png"), Content::Bytes)?;
+    refuse_both(&output, "the list of views")?;
+    let formula = session.open(&arguments.formula.file, &arguments.formula.changes())?;
+    session.spare_inputs(&output)?;
+    refuse_plane(formula.graph(), "`look`")?;
+    session.engine = std::mem::take(&mut session.engine).keeping_kernels();
+    let base =
+        Request { samples: SAMPLES, backend: arguments.backend.choice(), ..arguments.estimate.request(arguments.size) };
+    let own = formula.graph().scene.camera;
+    let search = Search {
+        interior: arguments.interior,
+        count: arguments.count as usize,
+        seed: arguments.seed,
+        size: arguments.size,
+        up: own.map_or([0.0, 0.0, 1.0], |camera| camera.up),
     };
-    let stops: Vec<String> = gradient.stops().iter().map(stop).collect();
-    format!("Stops(colours: [{}], cyclic: {})", stops.join(", "), gradient.is_cyclic())
+    let views = session.engine.views(&formula, &base, &search).map_err(|error| session.failed(error))?;
+    let Some(closest) = views.iter().min_by(|a, b| a.camera.distance().total_cmp(&b.camera.distance())) else {
+        let help = if arguments.interior { "try without --interior, or another --seed" } else { "try another --seed" };
+        return Err(Failure::Work(message(&format!("no view of `{stem}` shows enough"), help)));
+    };
+    // The closest view is the most demanding one: what is chosen for it serves all.
+    let request = Request { camera: seen_from(closest), ..base };
+    let mut watch = session.watch(arguments.quiet);
+    let job = session.engine.settle(&formula, &request, &mut watch).map_err(|error| session.failed(error))?;
+    drop(watch);
+    let mut progress = Progress::new(arguments.quiet);
+    let mut pictures = Vec::new();
+    for (number, view) in views.iter().enumerate() {
+        let job = job.with_camera(view.camera);
+        let mut image = Image { size: arguments.size, rgb: Vec::new() };
+        let done = session.engine.render(&job, job.rows(), &mut image, &mut ());
+        done.map_err(|error| session.failed(error))?;
+        pictures.push(image);
+        progress.update((number + 1) as f64 / views.len() as f64);
+    }
+    progress.finish();
+    let sheet = sheet(&pictures, arguments.size).map_err(|error| Failure::Work(message(&error, "")))?;
+    sheet.write_png_to(&output).map_err(|error| not_written(&output, &error))?;
+    for (number, view) in views.iter().enumerate() {
+        let (worth, hits) = ((100.0 * view.score).round(), (100.0 * view.hits).round());
+        writeln!(out, "{:>2}  worth {worth:>2}, hits {hits:>2} %  {}", number + 1, flags(&view.camera, own).join(" "))?;
+    }
+    if !arguments.quiet {
+        talk(&output.path().display().to_string());
+    }
+    Ok(())
+}
+
+/// The change that gives a file's camera a view.
+fn seen_from(view: &FoundView) -> CameraChange {
+    let camera = view.camera;
+    CameraChange {
+        position: Some(camera.position),
+        target: Some(camera.target),
+        up: Some(camera.up),
+        lens: Some(camera.lens),
+        fov: Some(camera.fov),
+        ..CameraChange::default()
+    }
+}
+
+/// The pictures on one page, with their numbers.
+fn sheet(pictures: &[Image], size: Size) -> Result<Image, String> {
+    let count = pictures.len();
+    let columns = (count as f64).sqrt().ceil().clamp(1.0, 4.0);
+    let rows = (count as f64 / columns).ceil();
+    let [width, height] = [f64::from(size.width) + SPACE, f64::from(size.height) + SPACE];
+    let mut page = Drawing::new(columns * width + SPACE, rows * height + SPACE, "Views");
+    for (number, picture) in pictures.iter().enumerate() {
+        let (row, column) = ((number as f64 / columns).floor(), (number as f64) % columns);
+        let [left, top] = [SPACE + column * width, SPACE + row * height];
+        page.items.push(Item::Picture([left, top, width - SPACE, height - SPACE], picture.clone()));
+        let number = Text::new([left + SPACE, top + SPACE + NUMBER * 0.7], (number + 1).to_string(), NUMBER);
+        page.text(number.bold().halo());
+    }
+    raster(&page, 1.0)
 }

@@ -31,7 +31,9 @@ mod gallery;
 mod gallery_page;
 mod import;
 mod list;
+#[cfg(feature = "chart")]
 mod look;
+mod matter;
 mod matter_pages;
 mod new;
 mod notation;
@@ -104,6 +106,9 @@ enum Command {
     /// Draw what every distance estimate costs and how right it is.
     #[cfg(feature = "chart")]
     Chart(chart::Arguments),
+    /// Find views that are worth it, and show them on a contact sheet.
+    #[cfg(feature = "chart")]
+    Look(look::Arguments),
     /// List steps, fractals, scripts, palettes and materials.
     List(list::Arguments),
     /// Explain a step, a fractal, a palette or a material.
@@ -199,6 +204,8 @@ fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
         Command::Probe(arguments) => probe::run(arguments, &mut session()?, out),
         #[cfg(feature = "chart")]
         Command::Chart(arguments) => chart::run(arguments, &mut session()?),
+        #[cfg(feature = "chart")]
+        Command::Look(arguments) => look::run(arguments, &mut session()?, out),
         Command::List(arguments) => list::run(arguments, &mut session()?, out),
         Command::Explain(arguments) => explain::run(arguments, &mut session()?, out),
         Command::New(arguments) => new::run(arguments),

@@ -15,7 +15,7 @@ use clap::{Args, ValueEnum};
 
 use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PicturePrecision, parse_size};
 use super::camera::{CameraArgs, flags, usual_size};
-use super::look::LookArgs;
+use super::matter::LookArgs;
 use super::output::{Content, check_output, not_written, refuse_both};
 use super::progress::short;
 use super::session::{refuse_plane, talk};

@@ -52,6 +52,7 @@ use crate::kernel::BackendError;
 #[cfg(feature = "gpu")]
 use crate::kernel::gpu::Gpu;
 use crate::load::{Loaded, load, load_text};
+use crate::render::{FoundView, Search};
 
 /// Steps, back ends and the kernels that they have compiled. Threads may share it.
 pub struct Engine {
@@ -181,6 +182,15 @@ impl Engine {
         let mut image = Image { size: request.size, rgb: Vec::new() };
         self.render(&job, job.rows(), &mut image, observer)?;
         Ok(image)
+    }
+
+    /// Finds views of a formula that are worth it, the best first; of the request, what is fixed of the estimate counts.
+    ///
+    /// Errors: [`Error::Formula`].
+    pub fn views(&self, formula: &Arc<Formula>, request: &Request, search: &Search) -> Result<Vec<FoundView>, Error> {
+        let arena = Arc::new(Arena::default());
+        let settling = Settling { library: formula.library(), arena: &arena, request };
+        settling.found(formula.graph().clone(), search)
     }
 
     /// The back ends, for work of other kinds.

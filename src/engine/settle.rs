@@ -16,7 +16,9 @@ use crate::formula::library::Library;
 use crate::graph::{Camera, ValidGraph};
 use crate::math::Precision;
 use crate::precision::{LEAST_ULPS, Resolution, resolution};
-use crate::render::{Iterations, Standpoint, camera_of, compose_planned, standpoint, surface_at, tones};
+use crate::render::{
+    FoundView, Iterations, Search, Standpoint, camera_of, compose_planned, find_views, standpoint, surface_at, tones,
+};
 
 /// A fractal while what its picture needs is settled.
 #[derive(Clone, Copy)]
@@ -143,6 +145,14 @@ impl<'a> Settling<'a> {
         let graph = self.framed(graph)?.graph;
         let found = self.iterations(&graph, true)?;
         Ok(found.map_or_else(|| graph.clone(), |found| found.apply(&graph)))
+    }
+
+    /// Views of a graph that are worth it, the best first.
+    pub fn found(&self, graph: ValidGraph, search: &Search) -> Result<Vec<FoundView>, Error> {
+        let graph = self.seen(graph)?;
+        let views = find_views(&self.composer(&graph), &self.plan(&graph)?, search);
+        let views = views.map_err(|message| self.failed(message))?;
+        views.into_iter().map(|view| Ok(FoundView { camera: rounded(view.camera)?, ..view })).collect()
     }
 
     /// How fine the view of a graph is, by the estimate of the rules.

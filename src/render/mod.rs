@@ -16,6 +16,7 @@ mod pixels;
 mod plane;
 mod refine;
 mod renderer;
+mod scout;
 mod stats;
 mod tones;
 mod traced;
@@ -26,6 +27,7 @@ pub use framing::{Iterations, Standpoint, automatic_camera, camera_of, standpoin
 pub use passes::{Ends, Marches, Role};
 pub use pipeline::{Pipeline, Shape, compose_pipeline, compose_planned};
 pub use renderer::{Cut, Renderer};
+pub use scout::{FoundView, Search, find_views};
 pub use stats::Stats;
 pub use tones::tones;
 
