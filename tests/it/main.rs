@@ -6,6 +6,7 @@ mod beams;
 mod bench;
 mod bounds;
 mod calibrate_write;
+mod cameras;
 mod certified;
 #[cfg(feature = "chart")]
 mod chart;
