@@ -41,6 +41,7 @@ mod output;
 mod page;
 mod picture_key;
 mod points;
+mod preview;
 mod probe;
 mod progress;
 mod range;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 #[cfg(feature = "chart")]
 use std::time::Instant;
 
-use bulbfold::engine::{Error, Job, Request};
+use bulbfold::engine::{Done, Error, Job, Request};
 use bulbfold::files::Target;
 use bulbfold::film::PngFile;
 use bulbfold::graph::Camera;
@@ -17,6 +17,7 @@ use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PicturePrecision, pars
 use super::camera::{CameraArgs, flags, usual_size};
 use super::matter::LookArgs;
 use super::output::{Content, check_output, not_written, refuse_both};
+use super::preview::Preview;
 use super::progress::short;
 use super::session::{refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
@@ -86,6 +87,9 @@ pub struct Arguments {
     /// Threads of the CPU back end [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     threads: Option<u32>,
+    /// Show the picture in the terminal, too
+    #[arg(long)]
+    preview: bool,
     /// Print no progress and no message on success
     #[arg(short, long)]
     pub(super) quiet: bool,
@@ -274,7 +278,7 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
 /// Renders a settled picture into its file, and says what was chosen and counted where that is asked for.
 fn write_picture(arguments: &Arguments, session: &Session, job: &Job, output: &Target, out: &mut dyn Write) -> Outcome {
     let mut file = PngFile::at(output, job.size(), None);
-    let done = session.engine.render(job, job.rows(), &mut file, &mut session.watch(arguments.quiet));
+    let done = rendered(arguments, session, job, &mut file);
     let written = match &done {
         // The file has the cause.
         Ok(_) | Err(Error::Sink(_)) => Some(file.finish().map_err(|error| not_written(output, &error))),
@@ -303,6 +307,19 @@ fn write_picture(arguments: &Arguments, session: &Session, job: &Job, output: &T
         talk(&format!("{} ({})", output.path().display(), short(done.stats.render)));
     }
     Ok(())
+}
+
+/// Renders a job into its file, and shows it in the terminal where that is asked for.
+fn rendered(arguments: &Arguments, session: &Session, job: &Job, file: &mut PngFile) -> Result<Done, Error> {
+    let mut watch = session.watch(arguments.quiet);
+    if arguments.preview
+        && let Some(mut preview) = Preview::new(file, job.size())
+    {
+        let done = session.engine.render(job, job.rows(), &mut preview, &mut watch)?;
+        preview.show();
+        return Ok(done);
+    }
+    session.engine.render(job, job.rows(), file, &mut watch)
 }
 
 /// The picture's path: what was given, else the formula's name in the current folder.
