@@ -9,7 +9,7 @@ use bulbfold::kernel::Status;
 use bulbfold::kernel::cpu::Cpu;
 use bulbfold::math::Precision;
 use bulbfold::render::{Pipeline, RenderSettings, Renderer, Stats, compose_planned};
-use bulbfold::shade::{CameraFrame, Size, pixel_radius};
+use bulbfold::shade::{CameraFrame, Size, threshold};
 
 use crate::support::formula;
 
@@ -48,7 +48,7 @@ fn depths(backends: &Backends, target: Target, subject: &Subject, plan: &Plan, p
 /// The ray through a pixel's centre.
 fn centre_ray(camera: &Camera, size: Size, i: usize) -> Ray {
     let frame = CameraFrame::new(camera);
-    let pixel = 2.0 * pixel_radius(camera, size);
+    let pixel = 2.0 * threshold(camera, size).pixel_radius;
     let (x, y) = (i % size.width as usize, i / size.width as usize);
     let right = (x as f64 + 0.5 - f64::from(size.width) / 2.0) * pixel;
     let up = (y as f64 + 0.5 - f64::from(size.height) / 2.0) * -pixel;
@@ -227,7 +227,7 @@ fn wide_views_from_within_lose_nothing() {
                 let pipeline = pipeline(&subject, &settings, &plan);
                 Backends::cpu_only().depths(target, subject.arena, &pipeline, &settings).unwrap()
             });
-            let footprint = 2.0 * pixel_radius(&subject.graph.scene.camera.unwrap(), size);
+            let footprint = 2.0 * threshold(&subject.graph.scene.camera.unwrap(), size).pixel_radius;
             let differ = |(a, b): &(&Option<f64>, &Option<f64>)| match (a, b) {
                 (Some(a), Some(b)) => (*a - *b).abs() > footprint * *a,
                 (a, b) => a.is_some() != b.is_some(),

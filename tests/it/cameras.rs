@@ -421,7 +421,7 @@ fn cameras_of_files_say_their_lens() {
         ("lens: CubeMap(\"ring\")", "strip"),
         ("lens: Perspective(shift: 1)", "shift"),
     ] {
-        let message = read(wrong).expect_err(wrong);
+        let message = read(wrong).expect_err(wrong).to_string();
         assert!(message.contains(what), "{wrong}: {message}");
     }
 }

@@ -10,7 +10,7 @@ use bulbfold::check::{Backends, Formula, Target};
 use bulbfold::formula::embedded::FRACTALS;
 use bulbfold::formula::library::Library;
 use bulbfold::render::{BeamUse, RenderSettings, compose_planned};
-use bulbfold::shade::{Size, frame_automatically, pixel_radius};
+use bulbfold::shade::{Size, frame_automatically, threshold};
 
 const SIZE: Size = Size { width: 112, height: 84 };
 const PIXELS: usize = (SIZE.width * SIZE.height) as usize;
@@ -51,7 +51,7 @@ fn depths(formula: &Formula, settings: &RenderSettings) -> Vec<Option<f64>> {
 
 fn footprint(formula: &Formula) -> f64 {
     let camera = formula.graph().scene.camera.unwrap_or_else(|| frame_automatically(formula.plan().bounding_radius));
-    2.0 * pixel_radius(&camera, SIZE)
+    2.0 * threshold(&camera, SIZE).pixel_radius
 }
 
 /// Pixels of which one alone has a hit, or whose hits are more than two footprints apart.
