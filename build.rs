@@ -6,8 +6,14 @@ use std::{env, fs};
 
 fn main() {
     let mut code = String::new();
-    const FOLDERS: [(&str, &str); 5] =
-        [("steps", "rhai"), ("fractals", "ron"), ("scripts", "rhai"), ("palettes", "ron"), ("materials", "rhai")];
+    const FOLDERS: [(&str, &str); 6] = [
+        ("steps", "rhai"),
+        ("fractals", "ron"),
+        ("scenes", "ron"),
+        ("scripts", "rhai"),
+        ("palettes", "ron"),
+        ("materials", "rhai"),
+    ];
     for (folder, extension) in FOLDERS {
         let path = Path::new("formulas").join(folder);
         println!("cargo::rerun-if-changed={}", path.display());

@@ -1,15 +1,20 @@
 //! Loading a formula: a RON file, a Rhai script that returns a graph, or the name of a built-in fractal.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::diag::{Diagnostic, Diagnostics, SourceId};
+use crate::diag::{Diagnostic, Diagnostics, Severity, SourceId};
 use crate::formula::embedded;
 use crate::formula::library::Library;
 use crate::formula::ron::{Limits, read_ron};
+use crate::formula::value::Value;
 use crate::graph::script::run_script;
-use crate::graph::{IterationLimit, Node, NodeKind, Override, PRESET, ValidGraph, expand_presets, read};
+use crate::graph::{
+    Imports, IterationLimit, Node, NodeKind, Override, PRESET, ValidGraph, Wanted, expand_presets, patched, read,
+    wanted,
+};
 
 /// A formula ready to be composed.
 pub struct Loaded {
@@ -21,6 +26,8 @@ pub struct Loaded {
     pub set: Vec<(String, String)>,
     /// Whether it is one of the built-in fractals.
     pub is_builtin: bool,
+    /// The formulas of its objects that are files: the names that the scenes give them, and their texts.
+    pub files: Vec<(String, SourceId)>,
 }
 
 /// Everything that a formula is made of, as texts: what another machine needs to make the same one.
@@ -36,6 +43,9 @@ pub struct Bundle {
     pub steps: Vec<(String, String)>,
     /// Whether it is one of the built-in fractals, whose limits of iterations are stated for their own views alone.
     pub is_builtin: bool,
+    /// Names and texts of the files that its objects name.
+    #[serde(default)]
+    pub files: Vec<(String, String)>,
 }
 
 impl Bundle {
@@ -64,6 +74,11 @@ impl Bundle {
             set: loaded.set.clone(),
             steps,
             is_builtin: loaded.is_builtin,
+            files: loaded
+                .files
+                .iter()
+                .map(|(name, id)| (name.clone(), library.sources.text(*id).to_string()))
+                .collect(),
         }
     }
 
@@ -72,7 +87,8 @@ impl Bundle {
         for (name, text) in &self.steps {
             library.add_step_text(Path::new(&format!("{name}.rhai")), text.clone(), d);
         }
-        let loaded = load_text(library, &self.name, &self.text, &self.set, d)?;
+        let beside = Beside { folder: None, carried: &self.files, depth: 0 };
+        let loaded = load_text_beside(library, (&self.name, &self.text), &self.set, beside, d)?;
         Some(if self.is_builtin { as_builtin(loaded) } else { loaded })
     }
 }
@@ -87,35 +103,111 @@ pub fn load(
     d: &mut Diagnostics,
 ) -> Option<Loaded> {
     let path = what.as_ref();
+    let Some((name, text)) = text_of(library, path, d) else { return None };
+    let loaded = load_text(library, &name, &text, set, d)?;
+    Some(if path.exists() { loaded } else { as_builtin(loaded) })
+}
+
+/// Name and text of a file, or of a built-in scene, fractal or script where there is no such file. Steps beside a file are read too.
+fn text_of(library: &mut Library, path: &Path, d: &mut Diagnostics) -> Option<(String, String)> {
     // Only the names of files need not be UTF-8.
     let what = path.to_string_lossy();
-    let (name, text) = if path.exists() {
+    if path.exists() {
         let text = read_text(library, path, d)?;
         if let Some(folder) = path.parent() {
             library.add_beside(folder, d);
         }
-        (what.to_string(), text)
-    } else if let Some((name, text)) = embedded::FRACTALS.iter().find(|(name, _)| *name == what) {
-        (format!("formulas/fractals/{name}.ron"), (*text).to_string())
-    } else if let Some((name, text)) = embedded::SCRIPTS.iter().find(|(name, _)| *name == what) {
-        (format!("formulas/scripts/{name}.rhai"), (*text).to_string())
-    } else {
-        let names = embedded::FRACTALS.iter().chain(embedded::SCRIPTS).map(|(name, _)| *name);
-        let message = format!("there is no file and no built-in fractal `{what}`");
-        d.push(match library.step(&what) {
-            Some(step) => Diagnostic::error(format!("`{what}` is a step, not a fractal"))
-                .help(format!("use it as a node of a formula file: `nodes: {{ \"a\": {}() }}`", step.name))
-                .help(format!(
-                    "`bulbfold explain {what}` says what it does, `bulbfold new NAME` writes a formula file"
-                )),
-            None => {
-                Diagnostic::error(message).did_you_mean(&what, names).help("`bulbfold list` shows the built-in ones")
+        return Some((what.to_string(), text));
+    }
+    const BUILTIN: [(&[(&str, &str)], &str, &str); 3] = [
+        (embedded::FRACTALS, "fractals", "ron"),
+        (embedded::SCENES, "scenes", "ron"),
+        (embedded::SCRIPTS, "scripts", "rhai"),
+    ];
+    for (texts, folder, ending) in BUILTIN {
+        if let Some((name, text)) = texts.iter().find(|(name, _)| *name == what) {
+            return Some((format!("formulas/{folder}/{name}.{ending}"), (*text).to_string()));
+        }
+    }
+    let names = BUILTIN.iter().flat_map(|(texts, ..)| texts.iter()).map(|(name, _)| *name);
+    let message = format!("there is no file and no built-in fractal `{what}`");
+    d.push(match library.step(&what) {
+        Some(step) => Diagnostic::error(format!("`{what}` is a step, not a fractal"))
+            .help(format!("use it as a node of a formula file: `nodes: {{ \"a\": {}() }}`", step.name))
+            .help(format!("`bulbfold explain {what}` says what it does, `bulbfold new NAME` writes a formula file")),
+        None => Diagnostic::error(message).did_you_mean(&what, names).help("`bulbfold list` shows the built-in ones"),
+    });
+    None
+}
+
+/// Where the formulas of objects are looked for.
+#[derive(Clone, Copy)]
+struct Beside<'a> {
+    /// The folder of the scene's file.
+    folder: Option<&'a Path>,
+    /// Names and texts that came with it, which go before files.
+    carried: &'a [(String, String)],
+    /// Scenes that it is in.
+    depth: u32,
+}
+
+/// Scenes within scenes at most.
+const MOST_DEPTH: u32 = 4;
+
+/// Loads the formulas that the objects of a file name. Adds the texts of files to `files`.
+fn load_objects(
+    library: &mut Library,
+    (value, overrides): (&Value, &[Override]),
+    beside: Beside,
+    files: &mut Vec<(String, SourceId)>,
+    d: &mut Diagnostics,
+) -> Imports {
+    let (value, _) = patched(value, overrides, &mut Diagnostics::default());
+    let mut imports = Imports::new();
+    for Wanted { object, formula, span, changes } in wanted(&value) {
+        let mut own = Diagnostics::default();
+        let loaded = match beside.depth >= MOST_DEPTH {
+            true => {
+                own.push(Diagnostic::error(format!("scenes are nested more than {MOST_DEPTH} deep")));
+                None
             }
-        });
-        return None;
+            false => load_object(library, &formula, &changes, beside, files, &mut own),
+        };
+        let failed = own.iter().filter(|diagnostic| diagnostic.severity == Severity::Error);
+        failed.for_each(|error| d.push(error.clone().label(span, format!("needed by the object `{object}`"))));
+        if let Some(graph) = loaded {
+            // What the file's estimate was calibrated on is another picture.
+            imports.insert(object, Arc::new(graph.without_calibration()));
+        }
+    }
+    imports
+}
+
+fn load_object(
+    library: &mut Library,
+    formula: &str,
+    changes: &[Override],
+    beside: Beside,
+    files: &mut Vec<(String, SourceId)>,
+    d: &mut Diagnostics,
+) -> Option<ValidGraph> {
+    let carried = beside.carried.iter().find(|(name, _)| name == formula);
+    let path = beside.folder.map_or_else(|| PathBuf::from(formula), |folder| folder.join(formula));
+    let is_file = carried.is_some() || (path.extension().is_some() && path.exists());
+    let (name, text) = match carried {
+        Some((_, text)) => (formula.to_string(), text.clone()),
+        None if is_file => text_of(library, &path, d)?,
+        None => text_of(library, Path::new(formula), d)?,
     };
-    let loaded = load_text(library, &name, &text, set, d)?;
-    Some(if path.exists() { loaded } else { as_builtin(loaded) })
+    let folder = Path::new(&name).parent().map(Path::to_path_buf);
+    let inner =
+        Beside { folder: folder.as_deref().filter(|_| is_file), carried: beside.carried, depth: beside.depth + 1 };
+    let loaded = load_value(library, (&name, &text), Changes::Values(changes), inner, d)?;
+    if is_file && !files.iter().any(|(known, _)| known == formula) {
+        files.push((formula.to_string(), loaded.text));
+    }
+    files.extend(loaded.files);
+    Some(loaded.graph)
 }
 
 /// A formula as one of the built-in ones: the iterations that it states are enough for its own view, and others may take more.
@@ -139,8 +231,41 @@ pub fn load_text(
     set: &[(String, String)],
     d: &mut Diagnostics,
 ) -> Option<Loaded> {
+    let beside = Beside { folder: Path::new(name).parent(), carried: &[], depth: 0 };
+    load_text_beside(library, (name, text), set, beside, d)
+}
+
+fn load_text_beside(
+    library: &mut Library,
+    (name, text): (&str, &str),
+    set: &[(String, String)],
+    beside: Beside,
+    d: &mut Diagnostics,
+) -> Option<Loaded> {
     library.engine.begin_formula();
-    let overrides = read_overrides(library, set, d);
+    load_value(library, (name, text), Changes::Texts(set), beside, d)
+}
+
+/// What is changed in a file.
+#[derive(Clone, Copy)]
+enum Changes<'a> {
+    /// Paths and values in RON.
+    Texts(&'a [(String, String)]),
+    /// The same as values of another file.
+    Values(&'a [Override]),
+}
+
+fn load_value(
+    library: &mut Library,
+    (name, text): (&str, &str),
+    changes: Changes,
+    beside: Beside,
+    d: &mut Diagnostics,
+) -> Option<Loaded> {
+    let (overrides, set) = match changes {
+        Changes::Texts(set) => (read_overrides(library, set, d), set.to_vec()),
+        Changes::Values(overrides) => (overrides.to_vec(), Vec::new()),
+    };
     let id = library.sources.add(name, text);
     if text.trim().is_empty() {
         let help = "`bulbfold new NAME` writes a commented one to start from";
@@ -157,13 +282,14 @@ pub fn load_text(
         // A script takes its parameters while it runs, and only then says what its presets are.
         value = run_script(library, id, &expanded, d)?;
     }
-    let overrides = expanded;
     let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let mut graph = read(library, &value, &stem, &overrides, d)?;
-    if overrides.iter().any(changes_the_view) {
+    let mut files = Vec::new();
+    let imports = load_objects(library, (&value, &expanded), beside, &mut files, d);
+    let mut graph = read(library, &value, &stem, (&expanded, &imports), d)?;
+    if expanded.iter().any(changes_the_view) {
         graph = graph.without_calibration();
     }
-    (!d.has_errors()).then_some(Loaded { graph, text: id, set: set.to_vec(), is_builtin: false })
+    (!d.has_errors()).then_some(Loaded { graph, text: id, set, is_builtin: false, files })
 }
 
 /// Whether a change makes a calibrated estimate of the file one of another picture.

@@ -33,7 +33,7 @@ impl Reader<'_> {
     }
 
     /// Adds a node.
-    fn added(&mut self, name: &str, span: Span, kind: NodeKind) -> NodeRef {
+    pub(super) fn added(&mut self, name: &str, span: Span, kind: NodeKind) -> NodeRef {
         let number = self.nodes.len();
         self.nodes.push(Some(Node { name: format!("{name}/{number}"), span, kind }));
         NodeRef(number)

@@ -8,6 +8,7 @@ mod budget;
 mod clip;
 pub(crate) mod escape;
 mod nodes;
+mod objects;
 mod overrides;
 mod presets;
 pub mod print;
@@ -21,9 +22,10 @@ mod validate;
 mod widths;
 
 pub use escape::Escape;
+pub use objects::{Imports, MOST_OBJECTS, Wanted, wanted};
 pub use overrides::Override;
 pub use presets::{PRESET, Preset, expand_presets};
-pub use read::read;
+pub use read::{patched, read};
 pub use scene::{
     Atmosphere, Blend, By, Camera, Cone, CubeLayout, Environment, Glow, Layer, Lens, Light, LightKind, Look,
     MOST_LAYERS, Marks, MaterialUse, Paint, Palette, Part, Plane, SUN_ANGLE, Scene, Space, Spread, Stereo,

@@ -51,7 +51,7 @@ const FIELDS: &[&str] = &[
 ];
 
 /// Fields whose parts alone an override may set.
-const TABLES: &[&str] = &["nodes", "params", "presets", "tests"];
+const TABLES: &[&str] = &["nodes", "objects", "params", "presets", "tests"];
 
 fn unknown_override(path: &str, span: Span, params: &[String]) -> Diagnostic {
     let names = params.iter().map(String::as_str).chain(FIELDS.iter().copied());

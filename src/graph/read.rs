@@ -6,6 +6,7 @@ use std::collections::HashMap;
 
 use rhai::Scope;
 
+use super::objects::Imports;
 use super::overrides::{Override, apply_override};
 use super::presets::read_presets;
 use super::scene::read_scene;
@@ -27,14 +28,14 @@ pub fn read(
     library: &Library,
     value: &Value,
     name: &str,
-    overrides: &[Override],
+    (overrides, imports): (&[Override], &Imports),
     d: &mut Diagnostics,
 ) -> Option<ValidGraph> {
-    let graph = read_once(library, value, name, overrides, d)?;
+    let graph = read_once(library, value, name, (overrides, imports), d)?;
     let errors = d.error_count();
     for preset in &graph.presets {
         let mut own = Diagnostics::default();
-        read_once(library, value, name, &preset.changes, &mut own);
+        read_once(library, value, name, (&preset.changes, imports), &mut own);
         for error in own.iter().filter(|diagnostic| diagnostic.severity == Severity::Error) {
             d.push(error.clone().help(format!("this is with the preset `{}`", preset.name)));
         }
@@ -47,23 +48,28 @@ fn read_once(
     library: &Library,
     value: &Value,
     name: &str,
-    overrides: &[Override],
+    (overrides, imports): (&[Override], &Imports),
     d: &mut Diagnostics,
 ) -> Option<ValidGraph> {
     let errors = d.error_count();
-    let mut patched = value.clone();
-    let mut params = HashMap::new();
-    for change in overrides {
-        apply_override(&mut patched, change, &mut params, d);
-    }
+    let (patched, params) = patched(value, overrides, d);
     let (params_read, nodes, inline) = (Vec::new(), Vec::new(), Vec::new());
     let mut reader = Reader { library, d, params: params_read, nodes, names: HashMap::new(), inline, four: None };
-    let graph = reader.graph(&patched, name, &params)?;
+    let graph = reader.graph(&patched, name, &params, imports)?;
     let d = reader.d;
     if d.error_count() > errors {
         return None;
     }
     validate(library, graph, d)
+}
+
+/// A file's value with some of its values changed, and those of its parameters.
+pub fn patched(value: &Value, overrides: &[Override], d: &mut Diagnostics) -> (Value, HashMap<String, Value>) {
+    let (mut patched, mut params) = (value.clone(), HashMap::new());
+    for change in overrides {
+        apply_override(&mut patched, change, &mut params, d);
+    }
+    (patched, params)
 }
 
 /// The state of reading one file.
@@ -82,7 +88,13 @@ pub(super) struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn graph(&mut self, value: &Value, name: &str, params: &HashMap<String, Value>) -> Option<Graph> {
+    fn graph(
+        &mut self,
+        value: &Value,
+        name: &str,
+        params: &HashMap<String, Value>,
+        imports: &Imports,
+    ) -> Option<Graph> {
         let mut fields = Fields::new(value, "a fractal", self.d)?;
         let title = fields.or("name", name.to_string(), self.d);
         let summary = fields.or("summary", String::new(), self.d);
@@ -95,7 +107,10 @@ impl Reader<'_> {
         self.params = given.into_iter().filter_map(|(name, value)| self.param(&name, value, params)).collect();
         let nodes = fields.optional_value("nodes");
         let nodes = nodes.map(|v| entries(v, "nodes", self.d)).unwrap_or_default();
+        let objects = fields.optional_value("objects");
+        let objects = objects.map(|v| entries(v, "objects", self.d)).unwrap_or_default();
         self.declare(&nodes);
+        self.declare_objects(&objects);
         for (i, (name, value)) in nodes.iter().enumerate() {
             self.inline.push(name.text.clone());
             let kind = self.node_kind(value);
@@ -103,15 +118,20 @@ impl Reader<'_> {
             let span = value.span;
             self.nodes[i] = kind.map(|kind| Node { name: name.text.clone(), span, kind });
         }
+        let objects = self.read_objects(nodes.len(), &objects, imports);
         let output = match fields.optional_value("output") {
             Some(value) => self.wire(value),
+            None if !objects.shown.is_empty() => {
+                Some(self.added("objects", fields.span(), NodeKind::Union(objects.shown.clone())))
+            }
             None => self.default_output(&nodes, fields.span()),
         };
         let output = self.clipped(output, &mut fields);
         let orbit = self.orbit_settings(&mut fields, &OrbitSettings::default());
         let bounding_radius = fields.optional_value("bounding_radius").and_then(|v| self.number(v, 1e-6, 1e6));
         let cuts = fields.or("cuts", false, self.d);
-        let scene = read_scene(self, &mut fields);
+        let mut scene = read_scene(self, &mut fields);
+        scene.take_objects(objects);
         let presets = fields.optional_value("presets").map(|v| read_presets(v, self.d)).unwrap_or_default();
         let test_values: Vec<Value> = fields.or("tests", Vec::new(), self.d);
         let tests = test_values.iter().filter_map(|v| read_test(self, v)).collect();
@@ -147,6 +167,42 @@ impl Reader<'_> {
                 nodes.len()
             )));
         }
+    }
+
+    /// Makes the name of one more node known.
+    pub(super) fn declare_one(&mut self, name: &Name) {
+        let number = self.nodes.len();
+        if self.names.insert(name.text.clone(), number).is_some() {
+            let message = format!("there are two nodes called `{}`", name.text);
+            self.d.push(Diagnostic::error(message).label(name.span, "").help("objects and nodes share their names"));
+        }
+        self.nodes.push(None);
+    }
+
+    /// Fills the place of a node that was declared.
+    pub(super) fn fill(&mut self, number: usize, node: Node) {
+        self.nodes[number] = Some(node);
+    }
+
+    /// Nodes so far.
+    pub(super) fn count(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Adds a node.
+    pub(super) fn add(&mut self, node: Node) -> NodeRef {
+        self.nodes.push(Some(node));
+        NodeRef(self.nodes.len() - 1)
+    }
+
+    /// Begins and ends what inline nodes are named for.
+    pub(super) fn enter(&mut self, name: &str) {
+        self.inline.push(name.to_string());
+    }
+
+    /// See [`Reader::enter`].
+    pub(super) fn leave(&mut self) {
+        self.inline.pop();
     }
 
     /// The only node, where a file leaves out `output`.

@@ -311,7 +311,9 @@ fn warn_unused(graph: &Graph, d: &mut Diagnostics) {
             stack.extend(graph.node(node).kind.wires());
         }
     }
-    for (node, _) in graph.nodes.iter().zip(used).filter(|(_, used)| !used) {
+    // Nodes of objects are not the file's own.
+    let is_own = |node: &Node| !node.name.contains('/');
+    for (node, _) in graph.nodes.iter().zip(used).filter(|(node, used)| !used && is_own(node)) {
         d.push(Diagnostic::warning(format!("nothing uses the node `{}`", node.name)).label(node.span, ""));
     }
 }

@@ -1,5 +1,6 @@
 //! Rays that leave surfaces: towards lights, and along the normal.
 
+use super::colour::facing_normal;
 use super::{Incoming, Seen, Threshold, range_within, read_surface};
 use crate::compose::Bounds;
 use crate::expr::{Arena, Expr, Function, Inputs};
@@ -55,18 +56,20 @@ pub fn compose_corner_ray(
     let mut function = inputs.function("corner_ray");
     let (ray, t) = (seen.ray, seen.march.t);
     let hit_eps = threshold.at(t);
-    let origin = ray.origin + ray.direction * t;
+    // In front of the hit by as much whatever the ray was marched by.
+    let origin = ray.origin + ray.direction * (t - hit_eps * BEFORE);
     let height: Expr = match reach {
         Some(reach) => arena.f(reach),
         None => (t * SHARE_OF_DEPTH).min(arena.f(bounding_radius * SHARE_OF_BOUNDS)),
     };
-    let facing = normal.dot(ray.direction).le(arena.f(0.0));
-    let direction = facing.select(normal, -normal);
+    let direction = facing_normal(normal, ray.direction);
     let t_far = seen.is_hit().select(height, arena.f(Ray::NOWHERE));
     Ray { origin, direction, t_near: (height * least).max(hit_eps * 2.0), t_far }.write(&mut function);
     function
 }
 
+/// Hit thresholds in front of a hit from which heights are measured.
+const BEFORE: f64 = 1.5;
 /// The greatest height above a surface at which corners are looked for: shares of the depth and of the bounding radius.
 const SHARE_OF_DEPTH: f64 = 0.12;
 const SHARE_OF_BOUNDS: f64 = 0.25;

@@ -15,6 +15,7 @@ pub use camera::{Camera, CubeLayout, Lens, Stereo, StereoLayout};
 pub use environment::{Atmosphere, Environment, Glow};
 pub use light::{Cone, Light, LightKind, SUN_ANGLE, Space};
 pub use look::{Look, Part};
+pub(super) use paint::read_paint;
 pub use paint::{Blend, By, Layer, MOST_LAYERS, Marks, MaterialUse, Paint, Palette, Spread};
 pub use traps::{TRAPS, Trap};
 
@@ -23,6 +24,7 @@ use self::environment::{read_atmosphere, read_environment};
 use self::fields::read_plane;
 use self::light::read_lights;
 use self::look::read_look;
+use super::objects::Objects;
 use super::read::Reader;
 use crate::diag::Diagnostic;
 use crate::formula::decode::Fields;
@@ -68,6 +70,14 @@ impl Scene {
             atmosphere: Atmosphere { fog: look.fog, ..Atmosphere::default() },
             home: None,
             look,
+        }
+    }
+
+    /// Takes the paints of objects. Traps that one of them needs are those of all, where the file gives none.
+    pub(super) fn take_objects(&mut self, objects: Objects) {
+        self.look.parts.extend(objects.parts);
+        if let Some(traps) = objects.traps.filter(|_| self.look.traps == TRAPS) {
+            self.look.traps = traps;
         }
     }
 

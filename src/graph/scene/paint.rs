@@ -191,7 +191,7 @@ impl Marks {
 }
 
 /// Reads `palette`, `colour` and `material`; what is not given is that of `base`.
-pub(super) fn read_paint(reader: &mut Reader, fields: &mut Fields, base: &Paint) -> Option<Paint> {
+pub(in crate::graph) fn read_paint(reader: &mut Reader, fields: &mut Fields, base: &Paint) -> Option<Paint> {
     let mut paint = base.clone();
     let (palette, colour) = (fields.optional_value("palette"), fields.optional_value("colour"));
     if let Some(value) = colour {
