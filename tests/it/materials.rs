@@ -7,8 +7,10 @@ use bulbfold::check::{Backends, Formula, Options, Target, run_paths};
 use bulbfold::compose::{Composer, Purpose, choose, compose_estimator};
 use bulbfold::expr::{Arena, Inputs, Type};
 use bulbfold::formula::library::Library;
+use bulbfold::formula::material::OUTPUTS;
 use bulbfold::graph::EstimateSettings;
 use bulbfold::kernel::Kernel;
+use bulbfold::kernel::records::Matter;
 
 use crate::support::{bulbfold, folder, folder_with, formula, pixels, stderr, stdout, success};
 
@@ -24,6 +26,16 @@ fn materials_pass_their_own_tests() {
     }
     let report = run_paths(&mut Library::builtin(), &[PathBuf::from("formulas/materials")], &Options::default());
     assert!(report.is_ok() && report.passed() > 4 * files, "{report}");
+}
+
+/// A surface of which nothing is said but its colour is made of what materials leave out.
+#[test]
+fn defaults_are_those_of_plain_surfaces() {
+    let arena = Arena::default();
+    let plain = Matter::of_colour(arena.v3([OUTPUTS[0].2; 3]));
+    for (value, (name, _, default, ..)) in plain.values().into_iter().zip(OUTPUTS) {
+        assert_eq!(value.as_constant().map(|c| c[0]), Some(*default), "{name}");
+    }
 }
 
 /// The outputs of the surfaces of a formula behind gradient and traps.

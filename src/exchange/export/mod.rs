@@ -194,7 +194,7 @@ fn header(composer: &Composer, plan: &Plan, target: Target) -> String {
     let methods: Vec<&str> = plan.choices.iter().map(|choice| choice.method.name()).collect();
     lines.push(format!("Estimate: {}; step multiplier {}", methods.join(", "), plan.fudge));
     lines.push(format!("Everything lies within {} of the origin. {}", plan.bounding_radius, target.usage()));
-    if target == Target::Shadertoy && (graph.scene.look.traps != TRAPS || !graph.scene.look.parts.is_empty()) {
+    if target == Target::Shadertoy && (graph.scene.look.traps != TRAPS || graph.scene.look.is_painted()) {
         lines.push("The picture has one colour: those of parts and of traps are not written.".to_string());
     }
     lines.push(format!("Written by bulbfold {}.", env!("CARGO_PKG_VERSION")));

@@ -19,6 +19,8 @@ pub fn picture(camera: &Camera, scene: &Scene, bounding_radius: f64) -> String {
         Environment::Daylight { strength, .. } => [0.2, 0.3, 0.5].map(|part| part * strength),
     };
     let background = scene.backdrop.unwrap_or([sky; 2]);
+    let paint = &scene.look.paint;
+    let colour = paint.layers.first().map_or(paint.palette[0], |layer| layer.gradient.at(0.5));
     let template = include_str!("shadertoy.glsl");
     let values = [
         ("$POSITION", vector(camera.position)),
@@ -29,7 +31,7 @@ pub fn picture(camera: &Camera, scene: &Scene, bounding_radius: f64) -> String {
         ("$SUN_DIRECTION", vector(direction)),
         ("$SUN", vector(sun)),
         ("$SKY", vector(sky)),
-        ("$COLOUR", vector(scene.look.paint.palette[0])),
+        ("$COLOUR", vector(colour)),
         ("$BOTTOM", vector(background[0])),
         ("$TOP", vector(background[1])),
     ];
