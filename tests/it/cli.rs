@@ -227,7 +227,7 @@ fn lists_explanations_and_references_are_written() {
     }
     let output = bulbfold(folder.path(), ["docs", "-o", "."]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
-    assert_eq!(files(folder.path()), ["fractals.md", "operators.md", "steps.md"]);
+    assert_eq!(files(folder.path()), ["fractals.md", "materials.md", "operators.md", "palettes.md", "steps.md"]);
 }
 
 #[test]

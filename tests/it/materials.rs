@@ -97,7 +97,7 @@ fn materials_show() {
         pixels(&folder.path().join("out.png"))
     };
     let count = |picture: &[u8], is: fn([u8; 3]) -> bool| picture.chunks(3).filter(|p| is([p[0], p[1], p[2]])).count();
-    let golden = |[r, g, b]: [u8; 3]| r > 60 && r > b.saturating_mul(2) && g > b;
+    let golden = |[r, g, b]: [u8; 3]| r > b.saturating_add(30) && g > b.saturating_add(15);
     let blue = |[r, _, b]: [u8; 3]| b > 60 && b > r.saturating_mul(2);
     let picture = render(&[]);
     assert!(
