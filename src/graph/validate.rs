@@ -52,6 +52,7 @@ pub(super) fn validate(library: &Library, mut graph: Graph, d: &mut Diagnostics)
     }
     warn_unused(&graph, d);
     warn_nested_stops(&graph, d);
+    graph.cut_near();
     Some(ValidGraph(graph))
 }
 
@@ -341,6 +342,7 @@ impl ValidGraph {
     #[must_use]
     pub fn with_camera(mut self, camera: Camera) -> ValidGraph {
         self.0.scene.move_camera(camera);
+        self.0.cut_near();
         self
     }
 

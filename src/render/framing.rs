@@ -171,12 +171,12 @@ pub fn standpoint(composer: &Composer, plan: &Plan, camera: &Camera) -> ComposeR
         let result = cpu.download(&result).expect("the CPU holds every column");
         result[0].iter().map(|&inside| inside > 0.5).collect()
     };
-    let back = DVec3::from(CameraFrame::new(camera).forward) * -1.0;
-    // Rays begin at the near plane. Parallel ones begin anywhere in it: in the set it is a cut, and the picture shows it.
-    let position = DVec3::from(camera.position) - back * camera.near;
-    if camera.is_parallel() || !inside(&[position.to_array()])[0] {
+    // Parallel rays start in a plane: in the set it is a cut, and the picture shows it.
+    if camera.is_parallel() || !inside(&[camera.position])[0] {
         return Ok(Standpoint::Free);
     }
+    let position = DVec3::from(camera.position);
+    let back = DVec3::from(CameraFrame::new(camera).forward) * -1.0;
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let spread = |i: usize| {
         let z = 1.0 - (2.0 * i as f64 + 1.0) / DIRECTIONS as f64;

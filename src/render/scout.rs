@@ -224,8 +224,11 @@ impl Scout {
                 (0..rows).flat_map(move |j| (0..COLUMNS).map(move |i| (i, j))).map(ray)
             })
             .collect();
-        let depths = self.depths(&rays);
-        let pictures = depths.chunks((COLUMNS * rows) as usize);
+        let count = (COLUMNS * rows) as usize;
+        let along = |i: usize| rays[i].1.dot(sights[i / count].1);
+        let depths: Vec<Depth> =
+            self.depths(&rays).into_iter().enumerate().map(|(i, t)| t.map(|t| t * along(i))).collect();
+        let pictures = depths.chunks(count);
         let view = |((point, direction), depths): (&(DVec3, DVec3), &[Depth])| {
             let (score, hits, middle) = score(depths, COLUMNS as usize)?;
             let target = *point + *direction * middle.min(2.0 * self.radius);
@@ -258,17 +261,20 @@ const HITS: [f64; 2] = [0.3, 0.97];
 /// Share of hits that is best.
 const BEST_HITS: f64 = 0.8;
 /// Deviation of the logarithms of depths from which more adds nothing.
-const DEEP: f64 = 0.5;
+const DEEP: f64 = 0.6;
 /// Change of the logarithm of the depth that is an edge, and shares of edges: enough of them, too many, dust.
 const EDGE: f64 = 0.2;
-const EDGES: [f64; 3] = [0.12, 0.3, 0.7];
+const EDGES: [f64; 3] = [0.14, 0.3, 0.7];
 /// Bend of the surface, from neighbour to neighbour, from which it has detail, and the share of it that is enough.
-const BEND: f64 = 0.01;
-const BENT: f64 = 0.4;
+const BEND: f64 = 0.015;
+const BENT: f64 = 0.6;
+/// Columns and rows of parts of the picture that are asked for detail each, so that one wall does not fill the half of it.
+const PARTS: [usize; 2] = [4, 3];
 /// Depth of what is near as a share of the middle depth, from which nothing stands in the way.
-const OPEN: f64 = 0.3;
+const OPEN: f64 = 0.4;
 
-/// What a picture of these depths is worth, its share of hits and its middle depth; nothing where it is empty, full or blocked.
+/// What a picture of these depths along the view direction is worth, its share of hits and its middle depth; nothing where it is empty
+/// or full.
 fn score(depths: &[Depth], columns: usize) -> Option<(f64, f64, f64)> {
     let mut sorted: Vec<f64> = depths.iter().flatten().copied().collect();
     let hits = sorted.len() as f64 / depths.len() as f64;
@@ -279,30 +285,42 @@ fn score(depths: &[Depth], columns: usize) -> Option<(f64, f64, f64)> {
     let (near, middle) = (sorted[sorted.len() / 20], sorted[sorted.len() / 2]);
     let logs: Vec<f64> = sorted.iter().map(|t| t.max(1e-12).ln()).collect();
     let variety = (deviation(&logs) / DEEP).min(1.0);
-
-    let (mut pairs, mut edges, mut triples, mut bent) = (0.0, 0.0, 0.0, 0.0);
-    for row in depths.chunks(columns) {
-        for pair in row.windows(2) {
-            let [Some(a), Some(b)] = pair else { continue };
-            pairs += 1.0;
-            edges += f64::from(u8::from((a / b).ln().abs() > EDGE));
-        }
-        for triple in row.windows(3) {
-            let [Some(a), Some(b), Some(c)] = triple else { continue };
-            triples += 1.0;
-            bent += f64::from(u8::from((a + c - 2.0 * b).abs() > BEND * b));
-        }
-    }
-    let edges: f64 = edges / f64::max(pairs, 1.0);
+    let edges = edges(depths, columns);
     let outlined = match edges {
         edges if edges <= EDGES[1] => (edges / EDGES[0]).min(1.0),
         edges => ((EDGES[2] - edges) / (EDGES[2] - EDGES[1])).max(0.0),
     };
-    let detail = (bent / f64::max(triples, 1.0) / BENT).min(1.0);
+    let detail = detail(depths, columns);
     let open = (near / middle / OPEN).min(1.0);
     let filled = 1.0 - ((hits - BEST_HITS) / 0.6).powi(2);
-    let score = filled * (0.2 + 0.8 * variety) * (0.2 + 0.8 * outlined) * (0.3 + 0.7 * detail) * (0.2 + 0.8 * open);
+    let score = filled * (0.2 + 0.8 * variety) * (0.2 + 0.8 * outlined) * (0.1 + 0.9 * detail) * (0.2 + 0.8 * open);
     Some((score, hits, middle))
+}
+
+/// Share of neighbours in rows between which an edge is.
+fn edges(depths: &[Depth], columns: usize) -> f64 {
+    let pairs = depths.chunks(columns).flat_map(|row| row.windows(2));
+    let changes: Vec<f64> = pairs.filter_map(|pair| Some((pair[0]? / pair[1]?).ln().abs())).collect();
+    changes.iter().filter(|change| **change > EDGE).count() as f64 / changes.len().max(1) as f64
+}
+
+/// How much of the parts of a picture has detail, from 0 to 1. Planes have none, however oblique they are: along a row of pixels their inverse depth is a
+/// straight line.
+fn detail(depths: &[Depth], columns: usize) -> f64 {
+    let rows = depths.len() / columns;
+    let part = |x: usize, y: usize| (y * PARTS[1] / rows) * PARTS[0] + x * PARTS[0] / columns;
+    let mut seen = [[0.0f64; 2]; PARTS[0] * PARTS[1]];
+    for (y, row) in depths.chunks(columns).enumerate() {
+        for (x, triple) in row.windows(3).enumerate() {
+            let [Some(a), Some(b), Some(c)] = triple else { continue };
+            let bend = (b / a + b / c - 2.0).abs();
+            let [all, bent] = &mut seen[part(x + 1, y)];
+            *all += 1.0;
+            *bent += f64::from(u8::from(bend > BEND));
+        }
+    }
+    let parts = || seen.iter().filter(|[all, _]| *all > 0.0);
+    parts().map(|[all, bent]| (bent / all / BENT).min(1.0)).sum::<f64>() / parts().count().max(1) as f64
 }
 
 /// How much a view that is like another one loses, and how far apart views are unlike, as a share of the set's radius.
@@ -338,7 +356,7 @@ fn varied(mut views: Vec<FoundView>, radius: f64, count: usize) -> Vec<FoundView
 
 #[cfg(test)]
 mod tests {
-    use super::score;
+    use super::{detail, score};
 
     #[test]
     fn what_is_empty_full_flat_or_blocked_is_worth_little() {
@@ -348,6 +366,7 @@ mod tests {
         let worth = |of| score(&picture(of), 20).map_or(0.0, |(score, ..)| score);
         let columns: fn(usize, usize) -> Option<f64> =
             |x, y| (y > 1).then(|| if (x / 3) % 2 == 0 { 1.0 + 0.05 * ((x * 7 + y * 3) % 5) as f64 } else { 4.0 });
+        assert_eq!(detail(&picture(|x, _| Some(1.0 / (1.0 + 0.05 * x as f64))), 20), 0.0, "an oblique plane");
         let good = worth(columns);
         assert!(good > 0.4, "{good}");
         assert_eq!(worth(|_, _| None), 0.0);

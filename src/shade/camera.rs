@@ -114,8 +114,6 @@ pub fn compose_beam(arena: &Arena, camera: &Camera, size: Size, bounds: &Bounds)
     let eye = camera.stereo.map_or(0.0, |stereo| stereo.eyes / 2.0);
     let farthest = glam::DVec3::from(camera.position).length() + bounds.radius + eye;
     let (near, far) = range_within(bounds, origin, direction, spread * farthest);
-    // Nothing in front of the near plane is nearer than it.
-    let near = if camera.near > 0.0 { near.max(arena.f(camera.near)) } else { near };
     let direction = direction * (1.0 / spread);
     Ray { origin, direction, t_near: near.max(start) * spread, t_far: far * spread }.write(&mut function);
     function
@@ -170,26 +168,21 @@ fn ray_through<'g>(
 ) -> Ray<Expr<'g>> {
     let Sight { origin, direction, is_blank } = Sight::through(arena, camera, size, place);
     let (t_near, t_far) = range_within(bounds, origin, direction, arena.f(0.0));
-    let (t_near, t_far) = between_planes(camera, direction, (t_near, t_far));
+    let t_far = not_beyond(camera, direction, t_far);
     let t_far = is_blank.map_or(t_far, |is_blank| is_blank.select(arena.f(Ray::NOWHERE), t_far));
     Ray { origin, direction, t_near, t_far }
 }
 
-/// The part of a ray's range that is neither too near nor too far.
-fn between_planes<'g>(camera: &Camera, direction: Expr<'g>, (near, far): (Expr<'g>, Expr<'g>)) -> (Expr<'g>, Expr<'g>) {
-    if camera.near <= 0.0 && camera.far.is_none() {
-        return (near, far);
-    }
-    let arena = direction.arena;
-    let longer = match camera.lens {
+/// The end of a ray's range that is not too far for the camera.
+fn not_beyond<'g>(camera: &Camera, direction: Expr<'g>, far: Expr<'g>) -> Expr<'g> {
+    let Some(most) = camera.far else { return far };
+    match camera.lens {
         Lens::Perspective { .. } | Lens::Orthographic { .. } => {
-            1.0 / direction.dot(arena.v3(CameraFrame::new(camera).forward))
+            let along = direction.dot(direction.arena.v3(CameraFrame::new(camera).forward));
+            far.min(most / along)
         }
-        _ => arena.f(1.0),
-    };
-    let near = if camera.near > 0.0 { near.max(longer * camera.near) } else { near };
-    let far = camera.far.map_or(far, |most| far.min(longer * most));
-    (near, far)
+        _ => far.min(far.lift(most)),
+    }
 }
 
 /// Columns and rows of one eye's picture.
