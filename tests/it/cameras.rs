@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use bulbfold::check::Formula;
 use bulbfold::engine::{CameraChange, Engine, Request, Zoom};
 use bulbfold::graph::{Camera, CubeLayout, Lens, Stereo, StereoLayout};
-use bulbfold::render::{RenderSettings, Renderer, Sampling, compose_pipeline};
+use bulbfold::render::{BeamUse, RenderSettings, Renderer, Sampling, compose_pipeline};
 use bulbfold::shade::{Size, beam_radius, rays, threshold};
 use glam::DVec3;
 
@@ -187,7 +187,7 @@ fn a_ball_is_as_large_as_each_lens_makes_it() {
     // Looking at it along the equator, 1 rad of latitude is 150 rows and 1 rad of longitude 100 columns of an almost flat part.
     let around = Camera { fov: 2.0, ..with(Lens::Equirectangular { width: 4.0 }) };
     is_about("equirectangular", hits(around), PI * (angle * 150.0) * (angle * 100.0) * 1.01);
-    let shifted = with(Lens::Perspective { shift: [0.3, -0.2] });
+    let shifted = with(Lens::Perspective { shift: [0.2, -0.05] });
     assert!((hits(shifted) / hits(CAMERA) - 1.0).abs() < 0.01, "a shift in the picture's plane changes no size there");
 }
 
@@ -242,9 +242,9 @@ fn planes_and_cuts_take_away_what_they_say() {
     is_about("far", &ball, Camera { far: Some(4.5), ..flat }, 0.75 * disc);
     is_about("near", &ball, Camera { near: 5.5, ..flat }, 0.75 * disc);
     is_about("both", &ball, Camera { near: 4.5, far: Some(5.5), ..flat }, disc);
-    // Planes lie across the view direction, so a wide lens sees the same cap.
-    let wide = Camera { fov: 2.0, position: [0.0, -1.5, 0.0], far: Some(1.0), ..CAMERA };
-    let cap = 0.75f64.sqrt() / 1.0 / 1f64.tan() * 150.0;
+    // Planes lie across the view direction, so a wide lens sees a cap: at depth 0.7 the ball has radius 0.6.
+    let wide = Camera { fov: 2.0, position: [0.0, -1.5, 0.0], far: Some(0.7), ..CAMERA };
+    let cap = 0.6 / 0.7 / 1f64.tan() * 150.0;
     is_about("far plane of a wide lens", &ball, wide, PI * cap * cap);
     let around = Camera { lens: Lens::Fisheye, far: Some(0.8), ..wide };
     // The sphere of radius 0.8 meets the ball of radius 1 at 1.5 in a circle at this angle.
@@ -261,9 +261,9 @@ fn planes_and_cuts_take_away_what_they_say() {
     is_about("the face", &with_field("clip: [Plane(normal: (0, 0, 1), offset: 0)]"), above, disc);
 }
 
-/// Beams, boxes and early ends change no more of pictures of other lenses than they do of ordinary ones.
+/// Beams change no more of pictures of other lenses than they do of ordinary ones, and nothing where there are none.
 #[test]
-fn short_cuts_hold_for_every_lens() {
+fn beams_hold_for_every_lens() {
     let formula = Formula::builtin("menger").expect("it is built in");
     let own = formula.graph().scene.camera.map_or(CAMERA, |camera| camera);
     let close = Camera { position: own.position.map(|x| x * 0.75), ..own };
@@ -276,13 +276,12 @@ fn short_cuts_hold_for_every_lens() {
     ] {
         let camera = Camera { lens, fov, ..close };
         let size = Size { width: 240, height: 180 };
-        let (quick, hits) =
-            image(&formula, camera, size, |settings| settings.beams = bulbfold::render::BeamUse::Untried);
-        let (plain, _) = image(&formula, camera, size, |settings| settings.plain = true);
-        let differ =
-            quick.chunks(3).zip(plain.chunks(3)).filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 24));
-        let share = differ.count() as f64 / (240.0 * 180.0);
-        assert!(hits > 1000 && share < 0.01, "{lens:?}: {share} of the pixels differ, {hits} hits");
+        let with = |beams: BeamUse| image(&formula, camera, size, |settings| settings.beams = beams);
+        let ((quick, hits), (alone, _)) = (with(BeamUse::Untried), with(BeamUse::Off));
+        let is_apart = |(a, b): &(&[u8], &[u8])| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 8);
+        let differ = quick.chunks(3).zip(alone.chunks(3)).filter(is_apart).count();
+        let most = if beam_radius(&camera, size).is_some() { 240 * 180 / 200 } else { 0 };
+        assert!(hits > 1000 && differ <= most, "{lens:?}: {differ} pixels differ, {hits} hits");
     }
 }
 
@@ -336,7 +335,7 @@ fn zooms_land_on_the_surface_and_their_arguments_come_back() {
     }
     let job = engine.settle(&formula, &request(Zoom { factor: 2.0, at: [0.4, 0.6] }), &mut ()).expect("it settles");
     let camera = job.camera.expect("it has a camera");
-    assert!((DVec3::from(camera.target).length() - 1.0).abs() < 1e-3, "{camera:?}");
+    assert!((DVec3::from(camera.target).length() - 1.0).abs() < 0.02, "{camera:?}");
     let missed = engine.settle(&formula, &request(Zoom { factor: 2.0, at: [0.01, 0.01] }), &mut ());
     assert!(missed.is_err_and(|error| error.to_string().contains("no surface")));
 
