@@ -2,9 +2,10 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use bulbfold::chart::{Drawing, Item, Text, raster};
-use bulbfold::engine::{CameraChange, Request};
+use bulbfold::engine::{CameraChange, Formula, Request};
 use bulbfold::film::Image;
 use bulbfold::render::{FoundView, Search};
 use bulbfold::shade::Size;
@@ -87,20 +88,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     };
     // The closest view is the most demanding one: what is chosen for it serves all.
     let request = Request { camera: seen_from(closest), ..base };
-    let mut watch = session.watch(arguments.quiet);
-    let job = session.engine.settle(&formula, &request, &mut watch).map_err(|error| session.failed(error))?;
-    drop(watch);
-    let mut progress = Progress::new(arguments.quiet);
-    let mut pictures = Vec::new();
-    for (number, view) in views.iter().enumerate() {
-        let job = job.with_camera(view.camera);
-        let mut image = Image { size: arguments.size, rgb: Vec::new() };
-        let done = session.engine.render(&job, job.rows(), &mut image, &mut ());
-        done.map_err(|error| session.failed(error))?;
-        pictures.push(image);
-        progress.update((number + 1) as f64 / views.len() as f64);
-    }
-    progress.finish();
+    let pictures = pictures(arguments, session, &formula, (&request, &views))?;
     let sheet = sheet(&pictures, arguments.size).map_err(|error| Failure::Work(message(&error, "")))?;
     sheet.write_png_to(&output).map_err(|error| not_written(&output, &error))?;
     for (number, view) in views.iter().enumerate() {
@@ -111,6 +99,30 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         talk(&output.path().display().to_string());
     }
     Ok(())
+}
+
+/// The pictures of views, with what a request chooses.
+fn pictures(
+    arguments: &Arguments,
+    session: &Session,
+    formula: &Arc<Formula>,
+    (request, views): (&Request, &[FoundView]),
+) -> Result<Vec<Image>, Failure> {
+    let mut watch = session.watch(arguments.quiet);
+    let job = session.engine.settle(formula, request, &mut watch).map_err(|error| session.failed(error))?;
+    drop(watch);
+    let mut progress = Progress::new(arguments.quiet);
+    let mut pictures = Vec::new();
+    for view in views {
+        let job = job.with_camera(view.camera);
+        let mut image = Image { size: arguments.size, rgb: Vec::new() };
+        let done = session.engine.render(&job, job.rows(), &mut image, &mut ());
+        done.map_err(|error| session.failed(error))?;
+        pictures.push(image);
+        progress.update(pictures.len() as f64 / views.len() as f64);
+    }
+    progress.finish();
+    Ok(pictures)
 }
 
 /// The change that gives a file's camera a view.

@@ -43,6 +43,7 @@ mod lost_device;
 mod materials;
 mod memory;
 mod methods;
+mod moves;
 mod mutations;
 mod notation;
 mod orbit_counts;
