@@ -219,7 +219,7 @@ pub(super) fn read_camera(reader: &mut Reader, value: &Value) -> Option<Camera> 
     let target = fields.optional_value("target").and_then(|v| reader.vector(v, -1e9, 1e9)).unwrap_or([0.0; 3]);
     let up = fields.optional_value("up").and_then(|v| reader.direction(v)).unwrap_or([0.0, 0.0, 1.0]);
     let lens = fields.optional_value("lens").map_or(Some((Lens::default(), None)), |v| read_lens(reader, v));
-    let fov = fields.optional_value("fov").map(|v| (v.span, v));
+    let fov = fields.optional_value("fov");
     let stereo = fields.optional_value("stereo").map_or(Some(None), |v| read_stereo(reader, v).map(Some));
     let near = fields.optional_value("near").map_or(Some(0.0), |v| reader.number(v, 0.0, 1e9));
     let far = fields.optional_value("far").map_or(Some(None), |v| reader.number(v, 1e-300, 1e9).map(Some));
@@ -231,22 +231,10 @@ pub(super) fn read_camera(reader: &mut Reader, value: &Value) -> Option<Camera> 
     };
     let position = reader.vector(position, -1e9, 1e9)?;
     let (lens, of_lens) = lens?;
-    let fov = match (fov, of_lens) {
-        (Some((span, _)), Some(_)) => {
-            let message = "a camera has a `fov` or its lens a `focal_length`, not both";
-            reader.d.push(Diagnostic::error(message).label(span, "").help("drop one of them"));
-            return None;
-        }
-        (Some((_, v)), None) => reader.number(v, 0.001, lens.most_fov())?.to_radians(),
-        (None, of_lens) => of_lens.unwrap_or_else(|| lens.usual_fov()),
-    };
-    let view = [0, 1, 2].map(|i| target[i] - position[i]);
-    let side = cross(view, up);
-    if dot(side, side) <= 1e-12 * dot(view, view) {
+    let fov = read_fov(reader, fov, (lens, of_lens))?;
+    if is_on_one_line(position, target, up) {
         let message = "the camera's position, target and up direction lie on one line";
-        reader
-            .d
-            .push(Diagnostic::error(message).label(value.span, "").help("move the position, or choose another `up`"));
+        bad(reader, value.span, message, "move the position, or choose another `up`");
         return None;
     }
     let camera = Camera { stereo: stereo?, near: near?, far: far?, ..Camera::new(position, target, up, fov) };
@@ -254,6 +242,26 @@ pub(super) fn read_camera(reader: &mut Reader, value: &Value) -> Option<Camera> 
         Lens::Orthographic { height } if height <= 0.0 => camera.with_lens(lens),
         lens => Camera { lens, ..camera },
     })
+}
+
+/// Whether a camera has no frame.
+fn is_on_one_line(position: [f64; 3], target: [f64; 3], up: [f64; 3]) -> bool {
+    let view = [0, 1, 2].map(|i| target[i] - position[i]);
+    let side = cross(view, up);
+    dot(side, side) <= 1e-12 * dot(view, view)
+}
+
+/// The angle of view: the camera's, that of its lens's focal length, or what is usual.
+fn read_fov(reader: &mut Reader, fov: Option<&Value>, (lens, of_lens): (Lens, Option<f64>)) -> Option<f64> {
+    match (fov, of_lens) {
+        (Some(value), Some(_)) => {
+            let message = "a camera has a `fov` or its lens a `focal_length`, not both";
+            bad(reader, value.span, message, "drop one of them");
+            None
+        }
+        (Some(value), None) => Some(reader.number(value, 0.001, lens.most_fov())?.to_radians()),
+        (None, of_lens) => Some(of_lens.unwrap_or_else(|| lens.usual_fov())),
+    }
 }
 
 /// How lenses are written.
@@ -275,38 +283,44 @@ fn read_lens(reader: &mut Reader, value: &Value) -> Option<(Lens, Option<f64>)> 
         (Some("Orthographic"), _) if is_bare => Lens::Orthographic { height: 0.0 },
         (Some("Equirectangular"), _) if is_bare => Lens::Equirectangular { width: TAU },
         (Some(name @ ("Perspective" | "Orthographic" | "Equirectangular")), ValueKind::Struct { .. }) => {
-            let mut fields = Fields::new(value, "a lens", reader.d)?;
-            let mut number = |reader: &mut Reader, name: &'static str, default: f64, [least, most]: [f64; 2]| {
-                fields.optional_value(name).map_or(Some(default), |v| reader.number(v, least, most))
-            };
-            let lens = match name {
-                "Orthographic" => {
-                    number(reader, "height", 0.0, [1e-300, 1e9]).map(|height| (Lens::Orthographic { height }, None))
-                }
-                "Equirectangular" => {
-                    let width = number(reader, "width", 360.0, [0.001, 360.0]);
-                    width.map(|width| (Lens::Equirectangular { width: width.to_radians() }, None))
-                }
-                _ => {
-                    let focal_length = number(reader, "focal_length", 0.0, [0.1, 1e5]);
-                    let sensor = number(reader, "sensor", SENSOR, [0.1, 1e4]);
-                    let shift = fields.optional_value("shift").map_or(Some([0.0; 2]), |v| read_pair(reader, v));
-                    let fov = focal_length
-                        .zip(sensor)
-                        .map(|(focal, sensor)| (focal > 0.0).then(|| 2.0 * (sensor / 2.0 / focal).atan()));
-                    shift.zip(fov).map(|(shift, fov)| (Lens::Perspective { shift }, fov))
-                }
-            };
-            fields.finish(reader.d);
-            return lens;
+            return read_settings(reader, name, value);
         }
         _ => {
-            let message = format!("expected a lens, found {}", value.describe());
-            reader.d.push(Diagnostic::error(message).label(value.span, "").help(LENSES));
+            bad(reader, value.span, &format!("expected a lens, found {}", value.describe()), LENSES);
             return None;
         }
     };
     Some((lens, None))
+}
+
+/// Reads a lens with settings, and the angle that its focal length makes where it has one.
+fn read_settings(reader: &mut Reader, name: &str, value: &Value) -> Option<(Lens, Option<f64>)> {
+    let mut fields = Fields::new(value, "a lens", reader.d)?;
+    let mut number = |reader: &mut Reader, name: &'static str, default: f64, [least, most]: [f64; 2]| {
+        fields.optional_value(name).map_or(Some(default), |v| reader.number(v, least, most))
+    };
+    let lens = match name {
+        "Orthographic" => {
+            let height = number(reader, "height", 0.0, [1e-300, 1e9]);
+            height.map(|height| (Lens::Orthographic { height }, None))
+        }
+        "Equirectangular" => {
+            let width = number(reader, "width", 360.0, [0.001, 360.0]);
+            width.map(|width| (Lens::Equirectangular { width: width.to_radians() }, None))
+        }
+        _ => {
+            let focal_length = number(reader, "focal_length", 0.0, [0.1, 1e5]);
+            let sensor = number(reader, "sensor", SENSOR, [0.1, 1e4]);
+            let shift = fields.optional_value("shift").map_or(Some([0.0; 2]), |v| read_pair(reader, v));
+            let fov = focal_length.zip(sensor).map(|(focal, sensor)| {
+                // The angle of a sensor behind a lens.
+                (focal > 0.0).then(|| 2.0 * (sensor / 2.0 / focal).atan())
+            });
+            shift.zip(fov).map(|(shift, fov)| (Lens::Perspective { shift }, fov))
+        }
+    };
+    fields.finish(reader.d);
+    lens
 }
 
 /// Height of a sensor or film that states none, in millimetres: that of 36x24 film.
@@ -320,7 +334,12 @@ fn read_pair(reader: &mut Reader, value: &Value) -> Option<[f64; 2]> {
             Some([x?, y?])
         }
         _ => {
-            bad(reader, value.span, "expected a shift to the right and up such as (0, 0.25)", "");
+            bad(
+                reader,
+                value.span,
+                "expected a shift such as (0, 0.25)",
+                "write how far to the right and up, in shares of the height",
+            );
             None
         }
     }
