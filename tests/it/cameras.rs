@@ -286,27 +286,25 @@ fn ordinary_cameras_have_no_operation_of_others() {
     }
 }
 
-/// Beams change no more of pictures of other lenses than they do of ordinary ones, and nothing where there are none.
+/// With exact estimates short cuts (beams, boxes, longer steps) change nothing of any lens's pictures.
 #[test]
-fn beams_hold_for_every_lens() {
-    let formula = Formula::builtin("menger").expect("it is built in");
-    let own = formula.graph().scene.camera.map_or(CAMERA, |camera| camera);
-    let close = Camera { position: own.position.map(|x| x * 0.75), ..own };
+fn short_cuts_hold_for_every_lens() {
+    let ball = formula(BALL);
+    let close = Camera { position: [0.0, -2.5, 0.0], ..CAMERA };
     for (lens, fov) in [
-        (Lens::Orthographic { height: 3.0 }, 0.6),
+        (Lens::Orthographic { height: 3.0 }, 0.5),
         (Lens::Fisheye, 2.0),
         (Lens::Equirectangular { width: 3.0 }, 2.0),
-        (Lens::CubeMap(CubeLayout::Cross), 1.0),
-        (Lens::Perspective { shift: [0.2, 0.1] }, 0.6),
+        (Lens::CubeMap(CubeLayout::Cross), 0.5),
+        (Lens::Perspective { shift: [0.2, 0.1] }, 0.5),
     ] {
         let camera = Camera { lens, fov, ..close };
         let size = Size { width: 240, height: 180 };
-        let with = |beams: BeamUse| image(&formula, camera, size, |settings| settings.beams = beams);
-        let ((quick, hits), (alone, _)) = (with(BeamUse::Untried), with(BeamUse::Off));
+        let (quick, hits) = image(&ball, camera, size, |settings| settings.beams = BeamUse::Untried);
+        let (plain, _) = image(&ball, camera, size, |settings| settings.plain = true);
         let is_apart = |(a, b): &(&[u8], &[u8])| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 8);
-        let differ = quick.chunks(3).zip(alone.chunks(3)).filter(is_apart).count();
-        let most = if beam_radius(&camera, size).is_some() { 240 * 180 / 200 } else { 0 };
-        assert!(hits > 1000 && differ <= most, "{lens:?}: {differ} pixels differ, {hits} hits");
+        let differ = quick.chunks(3).zip(plain.chunks(3)).filter(is_apart).count();
+        assert!(hits > 1000 && differ < 20, "{lens:?}: {differ} pixels differ, {hits} hits");
     }
 }
 
