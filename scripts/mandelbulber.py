@@ -36,7 +36,7 @@ def render(program, graph, size, picture, fog):
     background = (0.9, 0.9, 0.9)
     look = f"look=(sun: (0, 0, 0), sky: (0, 0, 0), shadows: false, occlusion: 0, fog: {fog}, background: [{background}, {background}])"
     command = [program, "render", graph, "-o", picture, "--size", f"{size[0]}x{size[1]}", "--samples", "1", "--backend", "cpu", "--precision", "f64",
-               "--set", look, "-q"]
+               "--set", look, "-q", "--force"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=TIME)
     if done.returncode != 0:
         raise RuntimeError(done.stderr.strip().splitlines()[0])

@@ -90,7 +90,7 @@ class Bench:
         """Wall seconds, and the program's own numbers. Without a cache the estimate is measured anew."""
         command = self.pin + [
             self.options.bulbfold, "render", os.path.join(ROOT, "benches", "scenes", scene + ".ron"), "--samples", "1",
-            "--size", f"{size[0]}x{size[1]}", "--threads", str(self.options.threads), "--json", "-q", "-o", out, *more,
+            "--size", f"{size[0]}x{size[1]}", "--threads", str(self.options.threads), "--json", "-q", "--force", "-o", out, *more,
         ]
         seconds, text = run(command, {"BULBFOLD_CACHE": cache or tempfile.mkdtemp(dir=self.folder)})
         return seconds, json.loads(text)

@@ -64,7 +64,7 @@ def measure(program, path, arguments, folder):
     """A row of the table: what was chosen and how it did."""
     row = {"graph": path.stem}
     picture = folder / "picture.png"
-    command = [program, "render", str(path), "--size", arguments.size, "--json", "-q", "-o", str(picture)]
+    command = [program, "render", str(path), "--size", arguments.size, "--json", "-q", "--force", "-o", str(picture)]
     out, messages, row["seconds"] = run(command, arguments.limit)
     if out is None:
         row["failed"] = messages.strip().splitlines()[0] if messages.strip() else "nothing was written"
@@ -105,7 +105,7 @@ def price(program, path, arguments, picture, seconds):
         summary = judged(program, path, arguments.size, arguments.rays, settings, arguments.limit)
         if summary is None or not is_kept(summary) or summary["median_error"] is None or summary["median_error"] > 0.5:
             continue
-        command = [program, "render", str(path), "--size", arguments.size, "--calibrate", "off", "--json", "-q",
+        command = [program, "render", str(path), "--size", arguments.size, "--calibrate", "off", "--json", "-q", "--force",
                    "-o", str(picture), *settings]
         out, _, _ = run(command, arguments.limit)
         if out:

@@ -82,6 +82,16 @@ impl Bundle {
         }
     }
 
+    /// Whether the text is a script, which makes the graph.
+    pub fn is_script(&self) -> bool {
+        Path::new(&self.name).extension().is_some_and(|end| end.eq_ignore_ascii_case("rhai"))
+    }
+
+    /// Whether the text is one of those that are built in.
+    pub fn is_unchanged_builtin(&self) -> bool {
+        embedded::FRACTALS.iter().chain(embedded::SCRIPTS).any(|(_, known)| *known == self.text)
+    }
+
     /// Loads the formula from its texts alone, with a library of the built-in steps. Returns nothing when `d` has errors.
     pub fn load(&self, library: &mut Library, d: &mut Diagnostics) -> Option<Loaded> {
         for (name, text) in &self.steps {
@@ -295,7 +305,7 @@ fn load_value(
 /// Whether a change makes a calibrated estimate of the file one of another picture.
 fn changes_the_view(change: &Override) -> bool {
     let parts = || change.path.split('.');
-    !parts().next().into_iter().chain(parts().next_back()).any(|part| ["estimate", "look"].contains(&part))
+    !parts().next().into_iter().chain(parts().next_back()).any(|part| ["estimate", "look", "film"].contains(&part))
 }
 
 /// Reads a text file of at most 1 MiB, or a pipe; an error is pushed.

@@ -53,7 +53,7 @@ pub struct Formula {
 impl Serialize for Formula {
     /// All its texts: see [`Bundle`].
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Bundle::of(&self.library, &self.loaded).serialize(serializer)
+        self.bundle().serialize(serializer)
     }
 }
 
@@ -111,6 +111,11 @@ impl Formula {
     /// A formula that was loaded with this library.
     pub fn of(library: Library, loaded: Loaded) -> Formula {
         Formula { library, loaded, arena: Arc::new(Arena::default()), plan: OnceLock::new() }
+    }
+
+    /// All its texts.
+    pub fn bundle(&self) -> Bundle {
+        Bundle::of(&self.library, &self.loaded)
     }
 
     /// The choices by rules. Fails where a step's script does.

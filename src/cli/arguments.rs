@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use bulbfold::calibrate::Budget;
-use bulbfold::engine::{BackendChoice, Request};
+use bulbfold::engine::{BackendChoice, MOST_EDGE, Request};
 use bulbfold::graph::{
-    DeForm, Difference, DifferenceStep, EstimateSettings, MOST_STEPS, Method, PRESET, Quality, StopAt,
+    Curve, DeForm, Difference, DifferenceStep, EstimateSettings, Film, MOST_STEPS, Method, PRESET, Quality, StopAt,
 };
 use bulbfold::math::Precision;
 use bulbfold::shade::Size;
@@ -309,6 +309,52 @@ impl ChangeArgs {
     }
 }
 
+/// The film: what replaces settings of the file's.
+#[derive(Args, Clone, Default, Debug)]
+pub struct FilmArgs {
+    /// Exposure in stops: each doubles the light [default: the file's, else 0]
+    #[arg(long, value_name = "STOPS", allow_hyphen_values = true, value_parser = parse_exposure)]
+    exposure: Option<f64>,
+    /// Colour temperature of the light that is to look white, from 1667 to 25000 kelvin [default: the file's, else 6500]
+    #[arg(long, value_name = "KELVIN", value_parser = parse_white_balance)]
+    white_balance: Option<f64>,
+    /// What becomes of bright light: none (cut off), filmic or agx [default: the file's, else filmic; none for planes]
+    #[arg(long, value_name = "CURVE", value_parser = parse_curve)]
+    curve: Option<String>,
+}
+
+impl FilmArgs {
+    /// The settings as changes of the formula.
+    pub fn changes(&self) -> Vec<(String, String)> {
+        let exposure = self.exposure.map(|stops| ("film.exposure".to_string(), stops.to_string()));
+        let balance = self.white_balance.map(|kelvin| ("film.white_balance".to_string(), kelvin.to_string()));
+        let curve = self.curve.clone().map(|curve| ("film.curve".to_string(), curve));
+        exposure.into_iter().chain(balance).chain(curve).collect()
+    }
+}
+
+fn parse_exposure(text: &str) -> Result<f64, String> {
+    let most = Film::MOST_STOPS;
+    let stops = parse_number(text)?;
+    if stops.abs() <= most { Ok(stops) } else { Err(format!("it must be from -{most} to {most}")) }
+}
+
+fn parse_white_balance(text: &str) -> Result<f64, String> {
+    let kelvin = parse_number(text)?;
+    let legal = Film::COLDEST..=Film::HOTTEST;
+    if legal.contains(&kelvin) {
+        Ok(kelvin)
+    } else {
+        Err(format!("it must be from {} to {}", legal.start(), legal.end()))
+    }
+}
+
+fn parse_curve(text: &str) -> Result<String, String> {
+    let names = Curve::ALL.map(|(name, _)| name);
+    let known = names.into_iter().find(|name| *name == text);
+    known.map(String::from).ok_or_else(|| format!("choose one of: {}", names.join(", ")))
+}
+
 fn parse_fudge(text: &str) -> Result<f64, String> {
     let fudge = parse_number(text)?;
     if fudge > 0.0 && fudge <= 1.0 { Ok(fudge) } else { Err("it must be above 0 and at most 1".into()) }
@@ -357,20 +403,17 @@ pub fn parse_vector(text: &str) -> Result<[f64; 3], String> {
     <[f64; 3]>::try_from(parts).map_err(|_| "write three numbers such as 1,0.5,-2".to_string())
 }
 
-/// Largest edge of a picture.
-const MAX_EDGE: u32 = 16384;
-
 /// Reads `WxH`.
 pub fn parse_size(text: &str) -> Result<Size, String> {
     let expected = "write columns x rows such as 1280x720";
     let (width, height) = text.split_once(['x', 'X']).ok_or(expected)?;
     let edge = |part: &str| part.trim().parse::<u32>().map_err(|_| expected.to_string());
     let size = Size { width: edge(width)?, height: edge(height)? };
-    let legal = 1..=MAX_EDGE;
+    let legal = 1..=MOST_EDGE;
     if legal.contains(&size.width) && legal.contains(&size.height) {
         Ok(size)
     } else {
-        Err(format!("columns and rows must be from 1 to {MAX_EDGE}"))
+        Err(format!("columns and rows must be from 1 to {MOST_EDGE}"))
     }
 }
 

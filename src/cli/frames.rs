@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use bulbfold::calibrate::cache::hash;
 use bulbfold::files::Target;
-use bulbfold::film::{MadePng, read_png};
-use bulbfold::graph::{NodeKind, ValidGraph};
+use bulbfold::film::{Format, MadePng, read_png};
+use bulbfold::graph::ValidGraph;
 use bulbfold::render::RenderSettings;
 use rayon::prelude::*;
 
@@ -17,7 +17,7 @@ use super::session::talk;
 use super::{Failure, Outcome, Session, usage};
 
 /// Counts changes of what frames show; those that older programs made are made anew.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Frames that are named one by one.
 const MAX_NAMED: usize = 20;
 
@@ -39,13 +39,13 @@ pub struct Pattern {
 impl Names {
     /// The names that were asked for, else the formula's with a number; refuses what could not be written.
     pub fn new(arguments: &Arguments) -> Result<Names, Failure> {
-        let Some(given) = &arguments.output else {
+        let Some(given) = arguments.output.only("a sweep")? else {
             let mut before = arguments.formula.file.file_stem().unwrap_or_default().to_os_string();
             before.push("_");
             return Ok(Names::Numbered(Pattern { before, after: ".png".into(), digits: 4 }));
         };
         if let Some(pattern) = Pattern::parse(given.as_os_str()) {
-            check_output(&pattern.path(0), Some("png"), Content::Bytes)?;
+            arguments.output.file(&pattern.path(0))?;
             return Ok(Names::Numbered(pattern));
         }
         match Target::of(given) {
@@ -71,6 +71,15 @@ impl Names {
             }
         };
         frames.iter().map(target).collect()
+    }
+
+    /// The format of the frames.
+    pub fn format(&self) -> Format {
+        let format = match self {
+            Names::One(target) => Format::of(target.path()),
+            Names::Numbered(pattern) => Format::of(&pattern.path(0)),
+        };
+        format.unwrap_or(Format::Png)
     }
 
     /// The first and the last name, as people read them.
@@ -123,18 +132,13 @@ fn split_once(text: &OsStr, at: char) -> Option<(OsString, OsString)> {
 /// The key of a frame: everything that its pixels follow from but the back end, which all give the same picture.
 pub fn frame_key(session: &Session, arguments: &Arguments, settings: &RenderSettings, graph: &ValidGraph) -> String {
     let estimate = &arguments.estimate;
-    let mut text = format!(
+    let text = format!(
         "{} {VERSION} {settings:?} {:?} {:?}\n{}",
         env!("CARGO_PKG_VERSION"),
         estimate.calibrate,
         estimate.error_budget,
-        graph_text(session, graph)
+        graph_text(&session.library.sources, graph)
     );
-    for node in &graph.nodes {
-        if let NodeKind::Shape { step, .. } = &node.kind {
-            text.push_str(session.library.sources.text(step.text));
-        }
-    }
     format!("{:032x}", hash(text.as_bytes()))
 }
 

@@ -204,7 +204,7 @@ fn key(arguments: &Arguments, session: &Session, graph: &ValidGraph) -> String {
         arguments.samples,
         arguments.estimate.settings(),
         arguments.estimate.error_budget,
-        graph_text(session, graph)
+        graph_text(&session.library.sources, graph)
     );
     format!("{:032x}", hash(text.as_bytes()))
 }

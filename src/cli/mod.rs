@@ -4,6 +4,7 @@
 //! from its arguments to a [`Outcome`]; [`main`] alone turns that into an exit code: 0 done, 1 the work failed, 2 bad
 //! usage or input. A reader of stdout that goes away ends a command quietly.
 
+mod again;
 mod arguments;
 mod audit;
 mod backend;
@@ -30,6 +31,7 @@ mod gallery;
 #[cfg(feature = "chart")]
 mod gallery_page;
 mod import;
+mod kept;
 mod list;
 #[cfg(feature = "chart")]
 mod look;
@@ -40,6 +42,7 @@ mod notation;
 mod output;
 mod page;
 mod picture_key;
+mod pictures;
 mod points;
 mod preview;
 mod probe;
@@ -47,8 +50,10 @@ mod progress;
 mod range;
 mod render;
 mod session;
+mod show;
 mod stats;
 mod sweep;
+mod taken;
 mod test;
 mod truth;
 mod truth_table;
@@ -60,7 +65,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 pub use session::Session;
 
@@ -114,6 +119,8 @@ enum Command {
     List(list::Arguments),
     /// Explain a step, a fractal, a palette or a material.
     Explain(explain::Arguments),
+    /// Print how a picture was made.
+    Show(show::Arguments),
     /// Write a commented formula file to start from.
     New(new::Arguments),
     /// Write a formula's distance estimate for other programs: WGSL, GLSL, Shadertoy, Fragmentarium, HLSL, MSL, SPIR-V.
@@ -175,7 +182,11 @@ pub fn usage(text: impl AsRef<str>, help: &str) -> Failure {
 
 /// Runs the program.
 pub fn main() -> ExitCode {
-    let mut cli = Cli::parse();
+    let matches = Cli::command().get_matches();
+    let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    if let (Command::Render(arguments), Some((_, given))) = (&mut cli.command, matches.subcommand()) {
+        arguments.note_given(given);
+    }
     bulbfold::files::clean_up_on_signals();
     let mut out = clean::Clean::new(BufWriter::new(io::stdout().lock()));
     let outcome = run(&mut cli, &mut out).and_then(|()| out.flush().map_err(Failure::from));
@@ -209,6 +220,7 @@ fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
         Command::Look(arguments) => look::run(arguments, &mut session()?, out),
         Command::List(arguments) => list::run(arguments, &mut session()?, out),
         Command::Explain(arguments) => explain::run(arguments, &mut session()?, out),
+        Command::Show(arguments) => show::run(arguments, out),
         Command::New(arguments) => new::run(arguments),
         Command::Export(arguments) => export::run(arguments, &mut session()?, out),
         Command::Import(arguments) => import::run(arguments, &mut session()?),

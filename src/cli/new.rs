@@ -1,13 +1,15 @@
 //! `bulbfold new`: a commented file to start from.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bulbfold::diag::nearest;
+use bulbfold::film::is_picture;
 use bulbfold::formula::embedded;
 use clap::Args;
 
 use super::output::{Content, check_output, write};
 use super::session::talk;
+use super::taken::{Taken, taken};
 use super::{Failure, Outcome, usage};
 
 /// Arguments of `new`.
@@ -16,6 +18,7 @@ use super::{Failure, Outcome, usage};
 Examples:
   bulbfold new flower && bulbfold render flower.ron
   bulbfold new my_box --from mandelbox
+  bulbfold new found --from picture.png
   bulbfold new my_fold --step -o my_steps/my_fold.rhai")]
 pub struct Arguments {
     /// Name: letters, digits and _, not starting with a digit
@@ -23,9 +26,9 @@ pub struct Arguments {
     /// Write a step instead of a fractal
     #[arg(long)]
     step: bool,
-    /// Start from a copy of this built-in step or fractal
-    #[arg(long, value_name = "NAME", conflicts_with = "step")]
-    from: Option<String>,
+    /// Start from a copy of this built-in step or fractal, or from the formula of a picture, with its camera
+    #[arg(long, value_name = "NAME|PICTURE", conflicts_with = "step")]
+    from: Option<PathBuf>,
     /// The file to write [default: NAME.ron, or NAME.rhai for a step]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -45,9 +48,10 @@ pub fn run(arguments: &Arguments) -> Outcome {
         return Err(usage(format!("`{name}` cannot be the name of a formula"), help));
     }
     let template = match &arguments.from {
-        Some(from) => copied(from)?,
-        None if arguments.step => Template { text: STEP.into(), extension: "rhai", is_step: true },
-        None => Template { text: FRACTAL.into(), extension: "ron", is_step: false },
+        Some(from) if is_picture(from) => of_picture(from)?,
+        Some(from) => copied(&from.to_string_lossy())?,
+        None if arguments.step => Template { is_step: true, ..Template::of(STEP, "rhai") },
+        None => Template::of(FRACTAL, "ron"),
     };
     let extension = template.extension;
     let path = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.{extension}")));
@@ -60,16 +64,18 @@ pub fn run(arguments: &Arguments) -> Outcome {
     }
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     let text = match &arguments.from {
-        Some(_) => template.text,
+        Some(_) => template.text.clone(),
         None => template.text.replace("NAME", if arguments.step { &stem } else { name }),
     };
+    write_steps(&path, &template.steps)?;
     write(&target, text.as_bytes())?;
     if target.is_stream() {
         return Ok(());
     }
     let shown = path.display();
     talk(&match template.is_step {
-        false => format!("wrote {shown}; next: bulbfold render {shown}"),
+        false if template.flags.is_empty() => format!("wrote {shown}; next: bulbfold render {shown}"),
+        false => format!("wrote {shown}; next: bulbfold render {shown} {}", template.flags),
         true => format!("wrote {shown}; formulas beside it can use `{stem}()`, others with --steps FOLDER"),
     });
     Ok(())
@@ -80,6 +86,38 @@ struct Template {
     text: String,
     extension: &'static str,
     is_step: bool,
+    /// What else a picture was rendered with.
+    flags: String,
+    /// Names and texts of steps that belong beside it.
+    steps: Vec<(String, String)>,
+}
+
+impl Template {
+    fn of(text: &str, extension: &'static str) -> Template {
+        Template { text: text.into(), extension, is_step: false, flags: String::new(), steps: Vec::new() }
+    }
+}
+
+/// The formula of a picture.
+fn of_picture(picture: &Path) -> Result<Template, Failure> {
+    let Taken { text, extension, flags, steps } = taken(picture)?;
+    Ok(Template { flags, steps, ..Template::of(&text, extension) })
+}
+
+/// Writes steps beside a formula, where none of these names is taken by another text.
+fn write_steps(formula: &Path, steps: &[(String, String)]) -> Outcome {
+    let path = |name: &str| formula.with_file_name(format!("{name}.rhai"));
+    for (name, text) in steps {
+        let path = path(name);
+        if path.exists() && std::fs::read(&path).ok().as_deref() != Some(text.as_bytes()) {
+            let text = format!("{} is there already and is not overwritten", path.display());
+            return Err(usage(text, "choose another folder with -o: the formula's steps lie beside it"));
+        }
+    }
+    for (name, text) in steps {
+        write(&check_output(&path(name), Some("rhai"), Content::Text)?, text.as_bytes())?;
+    }
+    Ok(())
 }
 
 /// The text of a built-in step, fractal or script, with its origin in the first line.
@@ -92,7 +130,8 @@ fn copied(from: &str) -> Result<Template, Failure> {
     for (files, kind, extension) in kinds {
         if let Some((_, text)) = files.iter().find(|(name, _)| *name == from) {
             let credit = format!("// Made from the {kind} `{from}` of Bulbfold {}.\n", env!("CARGO_PKG_VERSION"));
-            return Ok(Template { text: format!("{credit}//\n{text}"), extension, is_step: kind == "step" });
+            let template = Template::of(&format!("{credit}//\n{text}"), extension);
+            return Ok(Template { is_step: kind == "step", ..template });
         }
     }
     let names = kinds.iter().flat_map(|(files, ..)| files.iter()).map(|(name, _)| *name);

@@ -54,8 +54,7 @@ impl Session {
     /// Refuses a target that is one of the files that were read.
     pub fn spare_inputs(&self, target: &Target) -> Outcome {
         if self.library.inputs().iter().any(|input| target.is_file(input)) {
-            let text = format!("{} is an input of this command and is not overwritten", target.path().display());
-            return Err(usage(text, "choose another name with -o"));
+            return Err(spared(target));
         }
         Ok(())
     }
@@ -66,6 +65,12 @@ impl Session {
         self.spare_inputs(&target)?;
         write(&target, bytes)
     }
+}
+
+/// The failure of a target that is an input.
+pub fn spared(target: &Target) -> Failure {
+    let text = format!("{} is an input of this command and is not overwritten", target.path().display());
+    usage(text, "choose another name with -o")
 }
 
 /// Refuses to write two things to stdout.

@@ -3,7 +3,7 @@
 use std::io::{self, IsTerminal, Write};
 
 use bulbfold::engine::Sink;
-use bulbfold::film::{Layer, Rows};
+use bulbfold::film::{Layers, Rows};
 use bulbfold::shade::Size;
 use console::Term;
 
@@ -61,7 +61,7 @@ impl<'a> Preview<'a> {
 }
 
 impl Sink for Preview<'_> {
-    fn layers(&self) -> &'static [Layer] {
+    fn layers(&self) -> Layers {
         self.sink.layers()
     }
 
@@ -164,7 +164,7 @@ mod tests {
             let mut preview = Preview::within(&mut image, of(4, 4), of(4, 2), is_kitty);
             let rows = [[255, 0, 0], [0, 0, 255]].map(|colour: [u8; 3]| [colour; 8].concat());
             for srgb in rows {
-                preview.push(Rows { srgb, radiance: Vec::new() }).unwrap();
+                preview.push(Rows { srgb, ..Rows::default() }).unwrap();
             }
             let shown = String::from_utf8(preview.shown()).unwrap();
             match is_kitty {

@@ -1,29 +1,36 @@
 //! `bulbfold render`: a picture of a fractal.
 
+use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::time::Duration;
 #[cfg(feature = "chart")]
 use std::time::Instant;
 
-use bulbfold::engine::{Done, Error, Job, Request};
-use bulbfold::files::Target;
-use bulbfold::film::PngFile;
+use bulbfold::engine::{Done, Error, Job, Recipe, Request};
+use bulbfold::files::{FileId, Target};
+use bulbfold::film::{Pictures, is_picture};
 use bulbfold::graph::Camera;
 use bulbfold::render::{PathTracing, Sampling};
 use bulbfold::shade::Size;
-use clap::{Args, ValueEnum};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, ValueEnum};
 
-use super::arguments::{AutoArgs, BackendArg, FormulaArgs, PicturePrecision, parse_size};
+use super::again::{self, Asked};
+use super::arguments::{AutoArgs, BackendArg, FilmArgs, FormulaArgs, PicturePrecision, parse_size};
 use super::camera::{CameraArgs, flags, usual_size};
+use super::kept::Kept;
 use super::matter::LookArgs;
-use super::output::{Content, check_output, not_written, refuse_both};
+use super::output::{not_written, refuse_both, spared};
+use super::picture_key::job_key;
+use super::pictures::{OutputArgs, Wanted, has_layers};
 use super::preview::Preview;
 use super::progress::short;
 use super::session::{refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
 #[cfg(feature = "chart")]
 use super::view::{self, ViewArg};
-use super::{Failure, Outcome, Session, stats};
+use super::{Failure, Outcome, Session, stats, usage};
 
 /// Arguments of `render`.
 #[derive(Args, Debug)]
@@ -36,15 +43,18 @@ Examples:
   bulbfold render mandelbulb --set power=6 --camera 1.5,-2,1 --fov 30 -o close.png
   bulbfold render mandelbox --zoom 20 --at 0.4,0.6 -o close.png
   bulbfold render menger --lens equirectangular --camera 0.1,0.2,0 --target 1,0,0 -o around.png
+  bulbfold render close.png -o large.png --size 3840x2160
   bulbfold render box_bulb --view error --stats -o box_bulb_error.png
   bulbfold render mandelbulb --set 'plane=(center: (0, 0, 0.2), height: 2.6)' -o slice.png
   bulbfold render mandelbulb --sweep power=2..12 --sweep turn=0..90 --frames 48 -o bulb_%04d.png")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) formula: FormulaArgs,
-    /// The picture to write; - is stdout [default: NAME.png]
-    #[arg(short, long, value_name = "OUT.png")]
-    pub(super) output: Option<PathBuf>,
+    /// Names of the arguments that were given.
+    #[arg(skip)]
+    given: BTreeSet<String>,
+    #[command(flatten)]
+    pub(super) output: OutputArgs,
     /// Columns and rows [default: 1280x720]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(super) size: Option<Size>,
@@ -72,6 +82,8 @@ pub struct Arguments {
     pub(super) camera: CameraArgs,
     #[command(flatten)]
     pub(super) look: LookArgs,
+    #[command(flatten)]
+    film: FilmArgs,
     #[command(flatten)]
     sweep: SweepArgs,
     /// March every ray by itself, by steps no longer than an estimate, and every orbit to its end: what the short cuts (beams,
@@ -137,6 +149,23 @@ impl Arguments {
         return self.view.is_none();
         #[cfg(not(feature = "chart"))]
         true
+    }
+
+    /// Notes which arguments were given: a picture that is rendered again keeps all else.
+    pub(super) fn note_given(&mut self, matches: &ArgMatches) {
+        let is_given = |id: &&clap::Id| matches.value_source(id.as_str()) == Some(ValueSource::CommandLine);
+        self.given = matches.ids().filter(is_given).map(ToString::to_string).collect();
+    }
+
+    /// Refuses to begin with a picture.
+    pub(super) fn refuse_picture(&self) -> Outcome {
+        match is_picture(&self.formula.file) {
+            false => Ok(()),
+            true => Err(usage(
+                "a sweep begins with a formula and not with a picture",
+                "take the formula out of the picture: `bulbfold new NAME --from PICTURE`",
+            )),
+        }
     }
 
     /// Starts the threads that were asked for.
@@ -224,10 +253,11 @@ fn parse_share(text: &str) -> Result<f64, String> {
 }
 
 impl Arguments {
-    /// What is changed in the formula.
+    /// What is changed in the formula; an option of the same meaning wins over `--set`.
     pub(super) fn changes(&self, session: &mut Session) -> Result<Vec<(String, String)>, Failure> {
         let mut changes = self.formula.changes();
         changes.extend(self.look.changes(session, self.path.is_asked())?);
+        changes.extend(self.film.changes());
         Ok(changes)
     }
 }
@@ -240,53 +270,111 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
     if let Some(frames) = arguments.sweep.frames()? {
         return sweep::run(arguments, &arguments.sweep, frames, session, out);
     }
-    let output = output_path(arguments);
-    let output = check_output(&output, Some("png"), Content::Bytes)?;
+    if !arguments.is_plain() {
+        arguments.output.only("`--view`")?;
+        arguments.output.refuse_forms("`--view`")?;
+    }
+    let file = &arguments.formula.file;
+    let recipe = if is_picture(file) { Some(again::recipe(session, file)?) } else { None };
+    let stem = match &recipe {
+        Some(recipe) => Path::new(&recipe.job.formula.bundle().name).file_stem().map(ToOwned::to_owned),
+        None => file.file_stem().map(ToOwned::to_owned),
+    };
+    let wanted = arguments.output.wanted(Path::new(&stem.unwrap_or_default()))?;
     if arguments.json {
-        refuse_both(&output, "--json")?;
+        wanted.iter().try_for_each(|file| refuse_both(&file.target, "--json"))?;
     }
     arguments.prepare();
+    let job = settled(arguments, session, recipe, &wanted)?;
+    #[cfg(feature = "chart")]
+    if let (Some(ViewArg(view)), Some(Wanted { target, .. })) = (arguments.view, wanted.first()) {
+        let start = Instant::now();
+        let image = view::render(session, view, &job, (arguments.quiet, arguments.stats))?;
+        image.write_png_to(target).map_err(|error| not_written(target, &error))?;
+        if !arguments.quiet {
+            talk(&format!("{} ({})", target.path().display(), short(start.elapsed())));
+        }
+        return Ok(());
+    }
+    write_picture(arguments, session, &job, &wanted, out)
+}
+
+/// The job of a formula, or of a picture that is rendered again.
+fn settled(
+    arguments: &Arguments,
+    session: &mut Session,
+    recipe: Option<Recipe>,
+    wanted: &[Wanted],
+) -> Result<Job, Failure> {
+    let file = &arguments.formula.file;
     let mut request = arguments.request();
     // Before anything is read: what contradicts itself is told at once.
     request.first_precision().map_err(|error| session.failed(error))?;
     let changes = arguments.changes(session)?;
-    let formula = session.open(&arguments.formula.file, &changes)?;
-    session.spare_inputs(&output)?;
+    let formula = match &recipe {
+        Some(recipe) => recipe.job.formula.clone(),
+        None => session.open(file, &changes)?,
+    };
     request.size = arguments.size_for(formula.graph().scene.camera);
+    let picture = recipe.as_ref().and_then(|_| FileId::of(file));
+    if let Some(path) = recipe.as_ref().and_then(|recipe| recipe.job.request.path)
+        && arguments.given.contains("seed")
+    {
+        request.path = request.path.or(Some(PathTracing { seed: arguments.look.seed.unwrap_or(0) as u32, ..path }));
+    }
+    let traces = match &recipe {
+        Some(recipe) => request.path.or(recipe.job.request.path),
+        None => request.path,
+    };
+    let have_layers = has_layers(&formula.graph().scene, &Request { path: traces, ..request.clone() });
+    for file in wanted {
+        session.spare_inputs(&file.target)?;
+        if picture.as_ref().is_some_and(|picture| file.target.is_file(picture)) {
+            return Err(spared(&file.target));
+        }
+        request.layers = request.layers.or(arguments.output.layers(file.format, have_layers)?);
+    }
     if !arguments.is_plain() {
         refuse_plane(formula.graph(), "`--view`")?;
     }
     let mut watch = session.watch(arguments.quiet);
-    let job = session.engine.settle(&formula, &request, &mut watch).map_err(|error| session.failed(error))?;
+    let is_told = request.camera.is_move() && !arguments.quiet;
+    let job = match recipe {
+        Some(recipe) => {
+            let layers = request.layers;
+            let asked = Asked { request, given: &arguments.given, changes: &changes, layers };
+            again::job(session, recipe, asked, &mut watch)?
+        }
+        None => session.engine.settle(&formula, &request, &mut watch).map_err(|error| session.failed(error))?,
+    };
     drop(watch);
-    if let Some(camera) = job.camera.filter(|_| request.camera.is_move() && !arguments.quiet) {
+    if let Some(camera) = job.camera.filter(|_| is_told) {
         flags(&camera, formula.graph().scene.camera).iter().for_each(|line| talk(line));
     }
-    #[cfg(feature = "chart")]
-    if let Some(ViewArg(view)) = arguments.view {
-        let start = Instant::now();
-        let image = view::render(session, view, &job, (arguments.quiet, arguments.stats))?;
-        image.write_png_to(&output).map_err(|error| not_written(&output, &error))?;
-        if !arguments.quiet {
-            talk(&format!("{} ({})", output.path().display(), short(start.elapsed())));
-        }
-        return Ok(());
-    }
-    write_picture(arguments, session, &job, &output, out)
+    Ok(job)
 }
 
-/// Renders a settled picture into its file, and says what was chosen and counted where that is asked for.
-fn write_picture(arguments: &Arguments, session: &Session, job: &Job, output: &Target, out: &mut dyn Write) -> Outcome {
-    let mut file = PngFile::at(output, job.size(), None);
-    let done = rendered(arguments, session, job, &mut file);
-    let written = match &done {
-        // The file has the cause.
-        Ok(_) | Err(Error::Sink(_)) => Some(file.finish().map_err(|error| not_written(output, &error))),
-        Err(_) => None,
+/// Renders a settled picture into its files, and says what was chosen and counted where that is asked for.
+fn write_picture(
+    arguments: &Arguments,
+    session: &Session,
+    job: &Job,
+    wanted: &[Wanted],
+    out: &mut dyn Write,
+) -> Outcome {
+    let failed = |error| session.failed(error);
+    let key = job_key(job).map_err(failed)?;
+    let files = arguments.output.open(session, wanted, job, &key)?;
+    let names: Vec<String> = files.0.iter().map(|file| file.target().path().display().to_string()).collect();
+    let mut files = match arguments.sweep.resume {
+        true => Kept::resumed(files, (&key, job.size().width))?,
+        false => Kept::without(files),
     };
-    let encode = written.transpose()?;
-    let (done, encode) = (done.map_err(|error| session.failed(error))?, encode.unwrap_or_default());
-    let composed = job.composed().map_err(|error| session.failed(error))?;
+    let done = rendered(arguments, session, job, &mut files);
+    let (files, part) = files.split();
+    let (done, encode) = finished(session, job, files, done)?;
+    Kept::remove(part)?;
+    let composed = job.composed().map_err(failed)?;
     let report = stats::Report {
         fractal: &composed.graph.name,
         backend: &done.backend,
@@ -296,6 +384,7 @@ fn write_picture(arguments: &Arguments, session: &Session, job: &Job, output: &T
         composing: composed.took,
         stats: &done.stats,
         encode,
+        files: &names,
     };
     if arguments.json {
         writeln!(out, "{}", report.json())?;
@@ -304,30 +393,43 @@ fn write_picture(arguments: &Arguments, session: &Session, job: &Job, output: &T
         talk(report.table().trim_end());
     }
     if !arguments.quiet {
-        talk(&format!("{} ({})", output.path().display(), short(done.stats.render)));
+        talk(&format!("{} ({})", names.join(", "), short(done.stats.render)));
     }
     Ok(())
 }
 
-/// Renders a job into its file, and shows it in the terminal where that is asked for.
-fn rendered(arguments: &Arguments, session: &Session, job: &Job, file: &mut PngFile) -> Result<Done, Error> {
+/// Renders the rows that are missing into the files, and shows the picture in the terminal where that is asked for.
+fn rendered(arguments: &Arguments, session: &Session, job: &Job, files: &mut Kept) -> Result<Done, Error> {
     let mut watch = session.watch(arguments.quiet);
+    let rows = files.first.min(job.size().height)..job.size().height;
     if arguments.preview
-        && let Some(mut preview) = Preview::new(file, job.size())
+        && let Some(mut preview) = Preview::new(files, job.size())
     {
-        let done = session.engine.render(job, job.rows(), &mut preview, &mut watch)?;
+        let done = session.engine.render(job, rows, &mut preview, &mut watch)?;
         preview.show();
         return Ok(done);
     }
-    session.engine.render(job, job.rows(), file, &mut watch)
+    session.engine.render(job, rows, files, &mut watch)
 }
 
-/// The picture's path: what was given, else the formula's name in the current folder.
-fn output_path(arguments: &Arguments) -> PathBuf {
-    arguments.output.clone().unwrap_or_else(|| {
-        let stem = Path::new(&arguments.formula.file).file_stem().unwrap_or_default();
-        let mut name = stem.to_os_string();
-        name.push(".png");
-        PathBuf::from(name)
-    })
+/// Gives the files of a render their names, and the time that it took; the files have the cause where they took no more.
+fn finished(
+    session: &Session,
+    job: &Job,
+    files: Pictures,
+    done: Result<Done, Error>,
+) -> Result<(Done, Duration), Failure> {
+    let written = |(target, error): (Target, std::io::Error)| not_written(&target, &error);
+    match done {
+        Ok(done) => {
+            let recipe = Recipe { backend: done.backend.clone(), job: job.clone() }.text();
+            let encode = files.finish(Some(&recipe)).map_err(written)?;
+            Ok((done, encode))
+        }
+        Err(Error::Sink(error)) => {
+            let cause = files.finish(None).err();
+            Err(cause.map_or_else(|| session.failed(Error::Sink(error)), written))
+        }
+        Err(error) => Err(session.failed(error)),
+    }
 }

@@ -30,8 +30,10 @@ pub struct Report<'a> {
     pub composing: Duration,
     /// What was counted.
     pub stats: &'a Stats,
-    /// Time that compressing and writing the file took.
+    /// Time that compressing and writing the files took.
     pub encode: Duration,
+    /// The files' names.
+    pub files: &'a [String],
 }
 
 impl Report<'_> {
@@ -77,6 +79,7 @@ impl Report<'_> {
             "size": [self.settings.size.width, self.settings.size.height],
             "samples": self.settings.samples,
             "backend": self.backend,
+            "files": self.files,
             "orbits": orbits,
             "fudge": plan.fudge,
             "bounding_radius": plan.bounding_radius,

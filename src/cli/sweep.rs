@@ -8,7 +8,7 @@ use bulbfold::compose::{Composer, Plan};
 use bulbfold::engine::{Animation, Estimates, Frame, Observer, Stage, Work};
 use bulbfold::expr::Arena;
 use bulbfold::files::Target;
-use bulbfold::film::PngFile;
+use bulbfold::film::{Form, PictureFile};
 use bulbfold::frames::{FrameRenderer, Frames, JoinedFrames};
 use bulbfold::graph::{StereoLayout, ValidGraph};
 use bulbfold::kernel::template::Kept;
@@ -19,6 +19,7 @@ use serde_json::json;
 
 use super::frames::{Names, frame_key, frames_to_do, refuse_json};
 use super::output::not_written;
+use super::pictures::has_layers;
 use super::progress::short;
 use super::range::Range;
 use super::render::Arguments;
@@ -35,9 +36,10 @@ pub struct SweepArgs {
     /// Number of frames, that of the values where there is a list; -o is then a name with a place for the frame's number, such as frame_%04d.png
     #[arg(long, value_name = "N", requires = "ranges", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     frames: Option<u32>,
-    /// Keep the frames that an earlier run of the same settings has made; all others are named and rendered again
-    #[arg(long, requires = "ranges")]
-    resume: bool,
+    /// Keep finished rows beside the picture, in OUT.part, and go on with those of an earlier run that was stopped. Of a sweep: keep
+    /// the frames that an earlier run of the same settings has made; all others are named and rendered again
+    #[arg(long, conflicts_with = "view")]
+    pub resume: bool,
 }
 
 /// What sweeps may move besides parameters.
@@ -83,17 +85,20 @@ pub fn run(
     if !arguments.is_plain() {
         return Err(usage("a sweep renders pictures, not views of error", "drop `--view` or `--sweep`"));
     }
+    arguments.refuse_picture()?;
     let names = Names::new(arguments)?;
     if arguments.json {
         refuse_json(&names)?;
     }
     arguments.prepare();
-    let request = arguments.request();
+    let mut request = arguments.request();
     request.first_precision().map_err(|error| session.failed(error))?;
     let (start, mut composing) = (Instant::now(), Duration::ZERO);
     let moved = moved(session, arguments, sweep, frames)?;
     let session = &*session;
     let failed = |error| session.failed(error);
+    let have_layers = moved.iter().all(|frame| has_layers(&frame.graph.scene, &request));
+    request.layers = arguments.output.layers(names.format(), have_layers)?;
     let mut watch = session.watch(arguments.quiet);
     let animation = Animation::settle(&session.library, &request, moved, &mut watch).map_err(failed)?;
     refuse_anaglyphs(&animation.graphs)?;
@@ -124,14 +129,13 @@ pub fn run(
         composing += begun.elapsed();
     }
     let joined = gathered.finish();
-    let mut job = SweepJob {
-        frames: &joined,
-        settings: &settings,
-        targets,
-        keys: todo.iter().map(|&frame| keys[frame as usize].as_str()).collect(),
-        next: 0,
-        counted: Counted::default(),
+    let form = |&frame: &u32| {
+        let (graph, key) = (&animation.graphs[frame as usize], &keys[frame as usize]);
+        arguments.output.form(names.format(), &request, &graph.scene, key)
     };
+    let forms = todo.iter().map(form).collect();
+    let mut job =
+        SweepJob { frames: &joined, settings: &settings, targets, forms, next: 0, counted: Counted::default() };
     let done = session.engine.backends().run(request.backend, animation.precision, &mut job, &mut watch);
     let (backend, written) = done.map_err(failed)?;
     written?;
@@ -240,8 +244,8 @@ struct SweepJob<'a> {
     settings: &'a RenderSettings,
     /// One for each frame.
     targets: Vec<Target>,
-    /// The keys that the frames carry.
-    keys: Vec<&'a str>,
+    /// What their files hold.
+    forms: Vec<Form>,
     next: usize,
     counted: Counted,
 }
@@ -263,7 +267,10 @@ impl Work for SweepJob<'_> {
             self.counted.times[0] += start.elapsed();
             let done = self.next as f64;
             let target = &self.targets[self.next];
-            let file = PngFile::at(target, self.settings.size, Some(self.keys[self.next]));
+            let file = match PictureFile::new(target, self.forms[self.next].clone()) {
+                Ok(file) => file,
+                Err(error) => return Ok(Err(not_written(target, &error))),
+            };
             let mut tell = |share| observer.progress(Stage::Rendering, (done + share) / count);
             let written = render_file(&mut frame, file, &mut tell);
             if let Err(error) = written? {
@@ -341,15 +348,16 @@ impl Report<'_> {
 /// Renders a frame into its file; gives the time that the file took, or why it could not be written.
 fn render_file<B: Backend>(
     renderer: &mut Renderer<B>,
-    mut file: PngFile,
+    mut file: PictureFile,
     progress: &mut (dyn FnMut(f64) + Send),
 ) -> Result<std::io::Result<Duration>, BackendError> {
     // A file that cannot be written on stops the render, and then says why.
-    renderer.render_rows(&mut |rows| file.push(rows), &mut |share| {
+    let rows = 0..renderer.size().height;
+    renderer.render_layers(rows, file.wanted(), &mut |rows| file.push(&rows).is_ok(), &mut |share| {
         progress(share);
         true
     })?;
-    Ok(file.finish())
+    Ok(file.finish(None))
 }
 
 #[cfg(test)]

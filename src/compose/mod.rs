@@ -25,6 +25,7 @@ pub mod placement;
 mod reach;
 mod soft;
 mod solid;
+mod trusted;
 mod unread;
 mod unrolled;
 mod value;

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::{Backends, Done, Error, Job, Observer, Sink, Stage, running};
 use crate::diag::Diagnostic;
-use crate::film::{Layer, Rows};
+use crate::film::{Layers, Rows};
 use crate::graph::{Camera, Stereo, StereoLayout};
 
 /// The jobs of the left and the right eye, where a job is an anaglyph.
@@ -35,13 +35,13 @@ pub(super) fn render(
 
 /// The left eye's picture.
 struct Kept {
-    layers: &'static [Layer],
+    layers: Layers,
     srgb: Vec<u8>,
     radiance: Vec<f32>,
 }
 
 impl Sink for Kept {
-    fn layers(&self) -> &'static [Layer] {
+    fn layers(&self) -> Layers {
         self.layers
     }
 
@@ -61,7 +61,7 @@ struct Both<'a> {
 }
 
 impl Sink for Both<'_> {
-    fn layers(&self) -> &'static [Layer] {
+    fn layers(&self) -> Layers {
         self.sink.layers()
     }
 

@@ -85,6 +85,12 @@ impl Job {
         Job { camera: Some(camera), home: self.home.or(self.camera), composed: OnceLock::new(), ..self.clone() }
     }
 
+    /// The same of a formula that shows the same from the same place, and of a request that asks for the same of the view.
+    #[must_use]
+    pub fn with_request(&self, formula: Arc<Formula>, request: Request) -> Job {
+        Job { formula, request, composed: OnceLock::new(), ..self.clone() }
+    }
+
     /// Columns and rows.
     pub fn size(&self) -> Size {
         self.request.size

@@ -4,10 +4,16 @@ use serde::{Deserialize, Serialize};
 
 use super::{CameraChange, Error};
 use crate::check::truth::Budget;
+use crate::film::Layers;
 use crate::graph::EstimateSettings;
 use crate::math::Precision;
 use crate::render::{PathTracing, RenderSettings, Sampling};
 use crate::shade::Size;
+
+/// Most columns and rows of a picture.
+pub const MOST_EDGE: u32 = 16384;
+/// Most samples along each edge of a pixel.
+pub const MOST_SAMPLES: u32 = 16;
 
 /// Where kernels run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
@@ -47,6 +53,8 @@ pub struct Request {
     pub effort: f64,
     /// Whether light is followed along paths, and how; otherwise it comes straight from lights and surroundings.
     pub path: Option<PathTracing>,
+    /// What the picture is to tell of its pixels besides their colours.
+    pub layers: Layers,
     /// Every ray is marched by itself, by steps no longer than an estimate, and every orbit runs to its end: what the
     /// short cuts are compared with.
     pub exact_rays: bool,
@@ -67,6 +75,7 @@ impl Default for Request {
             budget: Budget::default(),
             effort: 1.0,
             path: None,
+            layers: Layers::NONE,
             exact_rays: false,
         }
     }
@@ -107,6 +116,7 @@ impl Request {
             estimate: self.estimate,
             plain: self.exact_rays,
             path: self.path,
+            layers: self.layers.data(),
             ..RenderSettings::default()
         }
     }

@@ -46,6 +46,11 @@ impl Work for Rows<'_> {
         let (refused, is_cancelled) = (&mut self.refused, &mut self.is_cancelled);
         let wanted = rows.clone();
         let layers = sink.layers();
+        // Where noise says when a tile is done, its pixels follow from all of it.
+        let is_cut_freely = settings.path.is_none_or(|path| path.noise == 0.0);
+        if let Some(most) = sink.most_rows().filter(|_| is_cut_freely) {
+            renderer.cut.band = renderer.cut.band.min(most.max(1));
+        }
         let mut take = |pixels: film::Rows| {
             rows.start += (pixels.srgb.len() / bytes) as u32;
             sink.push(pixels).map_err(|error| *refused = Some(error)).is_ok()
@@ -70,6 +75,14 @@ pub(super) fn render(
     if rows.start > rows.end || rows.end > height {
         let text = format!("the rows {}..{} are not in a picture of {height}", rows.start, rows.end);
         return Err(Error::request(text, format!("rows go from 0 to {height}")));
+    }
+    let missing = sink.layers().data().iter().find(|layer| !job.request.layers.has(*layer));
+    if let Some(layer) = missing {
+        let text = format!("the layer `{}` is wanted, and the job was settled without it", layer.name());
+        return Err(Error::request(text, "name it in the request's `layers`"));
+    }
+    if job.request.path.is_some() && !sink.layers().data().is_empty() {
+        return Err(Error::request("a picture of paths of light has no layers", "leave `path` or the layers out"));
     }
     let composed = job.composed()?.clone();
     let mut work = Rows { composed, rows, sink, refused: None, is_cancelled: false };

@@ -2,13 +2,18 @@
 
 use std::io;
 
-use crate::film::{Image, Layer, PngFile, Radiance, Rows};
+use crate::film::{Image, Layer, Layers, Pictures, PngFile, Radiance, Rows};
 
 /// Takes the rows of a picture from the top, some whole rows at a time.
 pub trait Sink: Send {
-    /// What it wants of each pixel.
-    fn layers(&self) -> &'static [Layer] {
-        &[Layer::Srgb]
+    /// What it wants of each pixel. What a kernel of its own finds out has to be in the request, too ([`Request::layers`](super::Request::layers)).
+    fn layers(&self) -> Layers {
+        Layers::SRGB
+    }
+
+    /// Most rows that it wants at a time, for sinks that keep them; as many as suit the back end without it.
+    fn most_rows(&self) -> Option<u32> {
+        None
     }
 
     /// Takes the next rows.
@@ -25,8 +30,8 @@ impl Sink for Image {
 }
 
 impl Sink for Radiance {
-    fn layers(&self) -> &'static [Layer] {
-        &[Layer::Srgb, Layer::Radiance]
+    fn layers(&self) -> Layers {
+        Layers::SRGB.and(Layer::Radiance)
     }
 
     fn push(&mut self, mut rows: Rows) -> io::Result<()> {
@@ -42,6 +47,17 @@ impl Sink for PngFile {
             true => Ok(()),
             false => Err(io::Error::other("the file takes no more rows")),
         }
+    }
+}
+
+impl Sink for Pictures {
+    fn layers(&self) -> Layers {
+        self.wanted()
+    }
+
+    /// [`Pictures::finish`] has the cause of an error.
+    fn push(&mut self, rows: Rows) -> io::Result<()> {
+        Pictures::push(self, &rows)
     }
 }
 

@@ -17,6 +17,7 @@
 
 mod output;
 mod owner;
+mod pieces;
 mod read;
 mod signals;
 mod target;
@@ -24,6 +25,7 @@ mod temporary;
 
 pub use self::output::{Output, write};
 pub use self::owner::is_foreign;
-pub use self::read::{Chosen, MAX_TEXT, read_bytes, read_text};
+pub use self::pieces::Pieces;
+pub use self::read::{Chosen, MAX_TEXT, open_file, read_bytes, read_text};
 pub use self::signals::clean_up_on_signals;
 pub use self::target::{FileId, STDOUT, Target};

@@ -21,12 +21,8 @@ pub enum Chosen {
 /// Errors: what the system says; a folder, a block device or a socket; anything but a regular file where it was only found; more
 /// than `limit` bytes, of which no more are read than that.
 pub fn read_bytes(path: &Path, limit: u64, chosen: Chosen) -> io::Result<Vec<u8>> {
-    let data = std::fs::metadata(path)?;
-    check_kind(&data, chosen)?;
-    let file = open(path, &data)?;
-    // What was looked at may have gone since.
+    let file = open_file(path, chosen)?;
     let data = file.metadata()?;
-    check_kind(&data, chosen)?;
     let large = || io::Error::other(format!("it is larger than {limit} bytes"));
     if data.len() > limit {
         return Err(large());
@@ -34,6 +30,18 @@ pub fn read_bytes(path: &Path, limit: u64, chosen: Chosen) -> io::Result<Vec<u8>
     let mut bytes = Vec::with_capacity(data.len() as usize);
     file.take(limit + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit { Err(large()) } else { Ok(bytes) }
+}
+
+/// Opens a file to be read piece by piece.
+///
+/// Errors: what the system says; a folder, a block device or a socket; anything but a regular file where it was only found.
+pub fn open_file(path: &Path, chosen: Chosen) -> io::Result<File> {
+    let data = std::fs::metadata(path)?;
+    check_kind(&data, chosen)?;
+    let file = open(path, &data)?;
+    // What was looked at may have gone since.
+    check_kind(&file.metadata()?, chosen)?;
+    Ok(file)
 }
 
 /// The text of a file, as [`read_bytes`] reads it.

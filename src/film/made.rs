@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use super::png::KEYWORD;
+use super::recipe::KEY;
 use crate::files::{Chosen, read_bytes};
 use crate::shade::Size;
 
@@ -39,7 +39,7 @@ pub fn read_png_bytes(bytes: &[u8], size: Size) -> Result<MadePng, String> {
     if (info.color_type, info.bit_depth) != (png::ColorType::Rgb, png::BitDepth::Eight) {
         return Err("its pixels are not three bytes of colour".into());
     }
-    let key = info.uncompressed_latin1_text.iter().find(|text| text.keyword == KEYWORD).map(|text| text.text.clone());
+    let key = info.uncompressed_latin1_text.iter().find(|text| text.keyword == KEY).map(|text| text.text.clone());
     let mut rows = 0;
     while reader.next_row().map_err(broken)?.is_some() {
         rows += 1;

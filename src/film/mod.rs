@@ -1,16 +1,28 @@
-//! Film: tiles, their pixels in an order that keeps neighbours together, radiance and how it is developed, and PNG files.
+//! Film: tiles, their pixels in an order that keeps neighbours together, radiance and how it is developed, and the files of pictures.
 
+mod agx;
 mod develop;
+mod encoded;
+mod file;
+#[cfg(feature = "formats")]
+mod formats;
+#[cfg_attr(not(feature = "formats"), allow(dead_code))]
+mod icc;
 mod layers;
 mod made;
 mod png;
+mod primaries;
+mod progress;
+mod recipe;
 
 use std::path::Path;
 
-pub use self::develop::{Curve, Develop, compose_develop};
-pub use self::layers::{Layer, Radiance, Rows};
+pub use self::develop::{Develop, compose_develop, compose_encoded};
+pub use self::file::{Depth, Form, Format, PictureFile, Pictures};
+pub use self::layers::{Layer, Layers, Radiance, Rows};
 pub use self::made::{MadePng, read_png, read_png_bytes};
-pub use self::png::PngFile;
+pub use self::png::{PngFile, PngForm};
+pub use self::recipe::{Made, is_picture, read_made, read_made_bytes};
 
 use crate::files::Target;
 use crate::shade::Size;
@@ -169,7 +181,7 @@ impl Image {
 
     /// Writes a PNG to a target that has been looked at, whole or not at all.
     pub fn write_png_to(&self, target: &Target) -> std::io::Result<()> {
-        let mut file = PngFile::at(target, self.size, None);
+        let mut file = PngFile::at(target, PngForm::plain(self.size));
         file.push(self.rgb.clone());
         file.finish().map(|_| ())
     }

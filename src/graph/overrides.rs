@@ -48,6 +48,7 @@ const FIELDS: &[&str] = &[
     "environment",
     "atmosphere",
     "scene",
+    "film",
 ];
 
 /// Fields whose parts alone an override may set.

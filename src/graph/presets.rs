@@ -40,13 +40,13 @@ pub(super) fn read_presets(value: &Value, d: &mut Diagnostics) -> Vec<Preset> {
             let given = entries(set, "values of a preset", d);
             changes.extend(given.into_iter().map(|(path, value)| Override { path: path.text, value: value.clone() }));
         }
-        for field in ["camera", "plane", "look"] {
+        for field in ["camera", "plane", "look", "film"] {
             let given = fields.optional_value(field);
             changes.extend(given.map(|value| Override { path: field.into(), value: value.clone() }));
         }
         fields.finish(d);
         if changes.is_empty() {
-            let help = "give it values: `set: { \"power\": 5.0 }`, a `camera`, a `plane` or a `look`";
+            let help = "give it values: `set: { \"power\": 5.0 }`, a `camera`, a `plane`, a `look` or a `film`";
             d.push(
                 Diagnostic::error(format!("the preset `{}` changes nothing", name.text))
                     .label(name.span, "")

@@ -6,6 +6,7 @@
 
 mod beams;
 mod checked;
+mod data;
 mod framing;
 mod further;
 mod meter;
@@ -33,6 +34,7 @@ pub use tones::tones;
 
 use serde::{Deserialize, Serialize};
 
+use crate::film::Layers;
 use crate::graph::EstimateSettings;
 use crate::math::Precision;
 use crate::shade::Size;
@@ -102,6 +104,8 @@ pub struct RenderSettings {
     pub boxed: bool,
     /// Whether beams find out for many pixels at once how far nothing is; not where `plain`.
     pub beams: BeamUse,
+    /// What the picture can tell of its pixels besides their colours: layers of kernels of their own.
+    pub layers: Layers,
     /// Orbits end at the footprint, where that can be trusted; not where `plain`.
     pub early_ends: bool,
     /// Whether light is followed along paths, and how; otherwise it comes straight from lights and surroundings.
@@ -120,6 +124,7 @@ impl Default for RenderSettings {
             plain: false,
             boxed: false,
             beams: BeamUse::default(),
+            layers: Layers::NONE,
             early_ends: true,
             path: None,
         }

@@ -49,6 +49,8 @@ pub enum Role {
     PathStep,
     /// All of it to colours.
     Colour,
+    /// All of it to what is kept besides colours.
+    Data,
     /// Colours to bytes.
     Encode,
 }
@@ -75,6 +77,7 @@ impl Role {
             Role::BounceRay => "bounce_ray",
             Role::PathStep => "path_step",
             Role::Colour => "colour",
+            Role::Data => "data",
             Role::Encode => "encode",
         }
     }
@@ -127,6 +130,8 @@ pub enum Slot {
     Colours,
     /// [`Colour`](crate::kernel::records::Colour)s of pixels where nothing is.
     Backgrounds,
+    /// What is kept besides colours.
+    Data,
     /// Encoded colours.
     Bytes,
 }

@@ -7,10 +7,11 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::data::Kept;
 use super::meter::{Meter, Progress};
 use super::refine::Seen;
 use super::{Renderer, Sampling, Stats};
-use crate::film::{Image, Layer, Rows, Tile, Window, windows};
+use crate::film::{Image, Layer, Layers, Rows, Tile, Window, windows};
 use crate::kernel::{Backend, BackendError};
 
 /// Why a render ended early.
@@ -59,18 +60,19 @@ impl<B: Backend> Renderer<'_, B> {
         sink: &mut dyn FnMut(Vec<u8>) -> bool,
         progress: &mut Progress,
     ) -> Result<bool, BackendError> {
-        self.render_layers(rows, &[Layer::Srgb], &mut |rows| sink(rows.srgb), progress)
+        self.render_layers(rows, Layers::SRGB, &mut |rows| sink(rows.srgb), progress)
     }
 
     /// [`Renderer::render_rows_of`] with the layers that are wanted.
     pub fn render_layers(
         &mut self,
         rows: Range<u32>,
-        layers: &[Layer],
+        layers: Layers,
         sink: &mut dyn FnMut(Rows) -> bool,
         progress: &mut Progress,
     ) -> Result<bool, BackendError> {
-        self.keeps_radiance = layers.contains(&Layer::Radiance);
+        self.keeps_radiance = layers.has(Layer::Radiance);
+        self.keep_data(!layers.data().is_empty());
         let start = Instant::now();
         let mut stats = self.stats.clone();
         let done = self.bands(rows, sink, progress, &mut stats);
@@ -101,12 +103,13 @@ impl<B: Backend> Renderer<'_, B> {
         // Rows of a band, and those above and below it.
         let most =
             if self.keeps_light() && self.tracer.is_none() { height.min(self.cut.band.saturating_add(2)) } else { 0 };
-        let mut seen = Seen::new(width, first.saturating_sub(1), most);
+        let each = self.data.as_ref().map_or(0, Kept::width);
+        let mut seen = Seen::new(width, first.saturating_sub(1), most, each);
         for y in (first..end).step_by(self.cut.band as usize) {
             let band = Tile { x: 0, y, width, height: self.cut.band.min(end - y) };
             let rows = match self.keeps_light() {
                 _ if self.tracer.is_some() => self.traced(band, &meter, stats)?,
-                false => Rows { srgb: self.only_pass(band, &meter, stats)?, radiance: Vec::new() },
+                false => Rows { srgb: self.only_pass(band, &meter, stats)?, ..Rows::default() },
                 true => self.both_passes(band, &mut seen, &meter, stats)?,
             };
             if !sink(rows) {
@@ -134,18 +137,21 @@ impl<B: Backend> Renderer<'_, B> {
         let end = band.y + band.height;
         // Whether a pixel of the last row is refined depends on the row below it.
         let (rows, samples) = seen.extend((end + 1).min(self.size.height));
-        self.in_parts(windows(rows, samples, self.cut.tile), meter, stats, |mut pixels, part| {
-            self.first_samples(&mut pixels, part, |sample| sample)?;
+        let numbers = self.in_parts(windows(rows, samples, self.cut.tile), meter, stats, |mut pixels, part| {
+            let numbers = self.first_samples(&mut pixels, part, |sample| sample)?;
             meter.advance(pixels.tile.count());
-            Ok(())
+            Ok(numbers)
         })?;
+        numbers.iter().for_each(|numbers| seen.set_numbers(numbers));
         let mut rgb = vec![[0; 3]; band.count()];
         let refined = self.uneven(band, seen, &mut rgb);
         let mut light = if self.keeps_radiance { seen.light(band) } else { Vec::new() };
+        let mut data = if self.data.is_some() { seen.numbers(band) } else { Vec::new() };
         meter.decide(band.count(), refined.len());
-        self.second_pass(band, (seen, &refined), (&mut rgb, &mut light), meter, stats)?;
+        self.second_pass(band, (seen, &refined), (&mut rgb, &mut light, &mut data), meter, stats)?;
         seen.forget_before(end - 1);
-        Ok(Rows { srgb: rgb.into_flattened(), radiance: light.into_flattened() })
+        let layers = self.data.as_ref().map_or(Layers::NONE, |kept| kept.layers);
+        Ok(Rows { srgb: rgb.into_flattened(), radiance: light.into_flattened(), layers, data })
     }
 
     /// Gives the pixels of a band the colours of their first samples, and says which need the others, tile by tile.
@@ -166,7 +172,7 @@ impl<B: Backend> Renderer<'_, B> {
         &self,
         band: Tile,
         (seen, refined): (&Seen, &[(u32, u32)]),
-        (rgb, light): (&mut [[u8; 3]], &mut [[f32; 3]]),
+        (rgb, light, data): (&mut [[u8; 3]], &mut [[f32; 3]], &mut [f32]),
         meter: &Meter,
         stats: &mut Stats,
     ) -> Result<(), Halt> {
@@ -176,21 +182,22 @@ impl<B: Backend> Renderer<'_, B> {
             let mut colours = Vec::with_capacity(pixels.len());
             self.other_samples(
                 pixels,
-                |place| seen.at(place),
+                |place| (seen.at(place), seen.numbers_at(place)),
                 part,
-                |place, srgb, light| {
-                    colours.push((place, srgb, light));
+                |place, srgb, light, numbers| {
+                    colours.push((place, srgb, light, numbers.to_vec()));
                 },
             )?;
             meter.advance(pixels.len() * (self.samples.len() - 1));
             Ok(colours)
         })?;
-        for ((x, y), srgb, radiance) in results.into_iter().flatten() {
+        for ((x, y), srgb, radiance, numbers) in results.into_iter().flatten() {
             let at = (y - band.y) as usize * band.width as usize + x as usize;
             rgb[at] = srgb;
             if let Some(light) = light.get_mut(at) {
                 *light = radiance;
             }
+            data[at * numbers.len()..][..numbers.len()].copy_from_slice(&numbers);
         }
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use super::beams::{BeamTiles, compose_beams};
 use super::checked::box_holds;
+use super::data::compose_data;
 use super::framing::camera_of;
 use super::further::Further;
 use super::passes::{Passes, Role, Slot};
@@ -9,8 +10,9 @@ use super::plane::compose_plane;
 use super::{BeamUse, RenderSettings};
 use crate::compose::{Bounds, Composer, Plan, Purpose, choose, compose_estimator};
 use crate::diag::Diagnostic;
-use crate::film::{Develop, compose_develop};
-use crate::graph::{Camera, Plane};
+use crate::expr::Arena;
+use crate::film::{Develop, Layer, compose_develop};
+use crate::graph::{Camera, Look, Plane};
 use crate::kernel::{Kernel, March};
 use crate::march::{MarchSettings, Threshold, compose_march};
 use crate::shade::{self, Lighting};
@@ -95,7 +97,7 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         return compose_plane(composer, plane, settings, &plan);
     }
     let camera = camera_of(composer, &plan);
-    let develop = Develop::SOLID;
+    let develop = Develop::of(&composer.graph.scene.film, Develop::SOLID);
     // Files state what the background looks like, and light is mixed with light.
     let scene = &composer.graph.scene;
     let lighting = Lighting::new(scene, &camera, plan.bounding_radius, |shown| develop.radiance_of(shown));
@@ -136,12 +138,33 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     } else {
         let mut seen = vec![Slot::Rays, Slot::Ends, Slot::Surfaces];
         seen.extend(further.compose(&mut passes, &lighting)?);
-        // Everything to colours.
+        // Everything to colours, and to what is kept besides.
+        let is_known = |slot: &Slot| !matches!(slot, Slot::Shadows(_) | Slot::Passing);
+        let known: Vec<Slot> = seen.iter().copied().filter(is_known).collect();
         let colour = shade::compose_colour(arena, look, &lighting);
         passes.push(Role::Colour, seen, Slot::Colours, Kernel::Map(colour));
+        push_data(&mut passes, arena, look, (settings, known));
     }
     passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(compose_develop(arena, develop)));
     Ok(Pipeline { camera, bounds, plane: None, pixel, tiles, passes, plan })
+}
+
+/// Adds the pass of the layers that are asked for, where there are any. It reads what is seen, and its colours.
+pub(super) fn push_data(
+    passes: &mut Passes<Kernel>,
+    arena: &Arena,
+    look: &Look,
+    (settings, mut seen): (&RenderSettings, Vec<Slot>),
+) {
+    let layers = settings.layers.data();
+    if layers.is_empty() {
+        return;
+    }
+    let has_corners = layers.has(Layer::Occlusion) && seen.contains(&Slot::Corners);
+    seen.retain(|slot| *slot != Slot::Corners);
+    seen.push(Slot::Colours);
+    seen.extend(has_corners.then_some(Slot::Corners));
+    passes.push(Role::Data, seen, Slot::Data, Kernel::Map(compose_data(arena, look, layers, has_corners)));
 }
 
 /// What a picture's rays are cut to: a box where one is wanted, proven and worth it, and rays end with it where they end without.

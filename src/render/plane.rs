@@ -1,6 +1,7 @@
 //! The passes of a picture of a plane: those of any picture, with one estimate instead of the march.
 
 use super::passes::{Passes, Role, Slot};
+use super::pipeline::push_data;
 use super::{Pipeline, RenderSettings};
 use crate::compose::{Bounds, Composer, Plan, Purpose, compose_estimator};
 use crate::diag::Diagnostic;
@@ -18,6 +19,7 @@ pub(super) fn compose_plane(
     plan: &Plan,
 ) -> Result<Pipeline, Diagnostic> {
     let arena = composer.arena;
+    let develop = Develop::of(&composer.graph.scene.film, Develop::PLANE);
     let plan = still_plan(plan);
     let pixel_radius = shade::pixel_size(plane, settings.size) / 2.0;
     let march = MarchSettings {
@@ -36,9 +38,12 @@ pub(super) fn compose_plane(
     passes.push(Role::SurfacePoint, [Slot::Rays, Slot::Ends], Slot::Queries, point);
     let surface = Kernel::Estimate(compose_estimator(composer, &plan.choices, Purpose::Surface)?);
     passes.push(Role::Surface, [Slot::Queries], Slot::Surfaces, surface);
-    let colour = Kernel::Map(shade::compose_plane_colour(arena, &composer.graph.scene, plane, settings.size));
-    passes.push(Role::Colour, [Slot::Rays, Slot::Ends, Slot::Surfaces], Slot::Colours, colour);
-    passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(compose_develop(arena, Develop::PLANE)));
+    let scene = &composer.graph.scene;
+    let colour = Kernel::Map(shade::compose_plane_colour(arena, scene, plane, settings.size));
+    let seen = [Slot::Rays, Slot::Ends, Slot::Surfaces];
+    passes.push(Role::Colour, seen, Slot::Colours, colour);
+    push_data(&mut passes, arena, &scene.look, (settings, seen.to_vec()));
+    passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(compose_develop(arena, develop)));
     Ok(Pipeline {
         camera: shade::facing(plane),
         bounds: Bounds::ball(plan.bounding_radius),

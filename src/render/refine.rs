@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::data::Numbers;
 use super::renderer::Sample;
 use crate::film::Tile;
 
@@ -19,14 +20,18 @@ pub(super) struct Seen {
     rows: u32,
     /// Memory for the most rows: those that are there, then any numbers.
     pixels: Vec<Sample>,
+    /// What is kept of each of them besides: so many numbers a pixel.
+    numbers: Vec<f32>,
+    each: usize,
 }
 
 impl Seen {
-    /// No rows, before row `top`, and memory for so many.
-    pub(super) fn new(width: u32, top: u32, most: u32) -> Seen {
+    /// No rows, before row `top`, and memory for so many, with `each` numbers a pixel.
+    pub(super) fn new(width: u32, top: u32, most: u32, each: usize) -> Seen {
         // New memory is made ready by all threads.
         let pixels = (0..width as usize * most as usize).into_par_iter().map(|_| Sample::default()).collect();
-        Seen { width, top, rows: 0, pixels }
+        let numbers = vec![0.0; width as usize * most as usize * each];
+        Seen { width, top, rows: 0, pixels, numbers, each }
     }
 
     /// The row after the last.
@@ -46,6 +51,7 @@ impl Seen {
     pub(super) fn forget_before(&mut self, y: u32) {
         let y = y.max(self.top);
         let kept = self.index((0, y))..self.index((0, self.end()));
+        self.numbers.copy_within(kept.start * self.each..kept.end * self.each, 0);
         self.pixels.copy_within(kept, 0);
         self.rows = self.end() - y;
         self.top = y;
@@ -60,6 +66,24 @@ impl Seen {
     #[inline]
     pub(super) fn at(&self, pixel: (u32, u32)) -> Sample {
         self.pixels[self.index(pixel)]
+    }
+
+    /// Sets the numbers of pixels.
+    pub(super) fn set_numbers(&mut self, numbers: &Numbers) {
+        for (row, numbers) in numbers {
+            let at = self.index((row.x, row.y)) * self.each;
+            self.numbers[at..at + numbers.len()].copy_from_slice(numbers);
+        }
+    }
+
+    /// The numbers of a pixel of these rows.
+    pub(super) fn numbers_at(&self, pixel: (u32, u32)) -> &[f32] {
+        &self.numbers[self.index(pixel) * self.each..][..self.each]
+    }
+
+    /// The numbers of a band's pixels.
+    pub(super) fn numbers(&self, band: Tile) -> Vec<f32> {
+        self.numbers[self.index((0, band.y)) * self.each..][..band.count() * self.each].to_vec()
     }
 
     /// The light of a band's first samples.

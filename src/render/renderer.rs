@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::beams::{Beams, Starts};
 use super::checked::beams_hold;
+use super::data::{Kept, Numbers};
 use super::passes::{self, Chain, Pass, Role, Slot};
 use super::pixels::Pixels;
 use super::traced::Tracer;
@@ -59,6 +60,10 @@ pub struct Renderer<'b, B: Backend> {
     pub(super) tracer: Option<Tracer<B>>,
     /// Whether the pixels' light is kept beside their bytes.
     pub(super) keeps_radiance: bool,
+    /// What the passes tell of pixels besides.
+    known: Option<Kept>,
+    /// That, where somebody wants it.
+    pub(super) data: Option<Kept>,
     /// How the picture is cut.
     pub cut: Cut,
     /// What has been counted so far.
@@ -90,10 +95,12 @@ struct Part<C> {
     colours: C,
     /// Their marches, and the further ones; none where beams found nothing.
     marches: Option<(C, Vec<C>)>,
+    /// What is kept besides.
+    data: Option<C>,
 }
 
 /// Columns of some results, of the numbers that a back end computes with.
-type Read<'a, N> = &'a [Vec<&'a [N]>];
+type Read<'r, 'a, N> = &'r [Vec<&'a [N]>];
 
 /// Adds the time of some work.
 pub(super) fn timed<T>(sum: &mut Duration, work: impl FnOnce() -> T) -> T {
@@ -146,7 +153,9 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let mut chain = |given: &[Slot], wanted: &[Slot]| Chain::new(&shape.passes, given, wanted, &mut prepare);
         let points = if shape.tiles.is_some() { Slot::Begins } else { Slot::Points };
         let marches = shape.passes.iter().map(|pass| pass.writes).filter(|slot| slot.is_further_march());
-        let shaded: Vec<Slot> = std::iter::once(Slot::Colours).chain(marches).collect();
+        let known = Kept::new(settings.layers.data());
+        let kept = known.as_ref().map(|_| Slot::Data);
+        let shaded: Vec<Slot> = std::iter::once(Slot::Colours).chain(kept).chain(marches).collect();
         let camera = chain(&[points], &[Slot::Rays])?;
         let march = chain(&[Slot::Rays], &[Slot::Ends])?;
         let shade = chain(&[Slot::Rays, Slot::Ends], if settings.path.is_some() { &[] } else { &shaded })?;
@@ -173,6 +182,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
             encode,
             tracer,
             keeps_radiance: false,
+            known,
+            data: None,
             cut: Cut::new(settings.size, batch),
             stats: Stats::default(),
         };
@@ -195,18 +206,28 @@ impl<'b, B: Backend> Renderer<'b, B> {
         passes::depths(self.backend, &passes::march(self.backend, &self.march, &rays)?)
     }
 
-    /// Whether first samples keep their light.
-    pub(super) fn keeps_light(&self) -> bool {
-        self.samples.len() > 1 || self.keeps_radiance
+    /// Columns and rows of the picture.
+    pub fn size(&self) -> Size {
+        self.size
     }
 
-    /// Takes the first sample of each pixel of a window, and sets what `of` makes of it.
+    /// Whether first samples keep their light.
+    pub(super) fn keeps_light(&self) -> bool {
+        self.samples.len() > 1 || self.keeps_radiance || self.data.is_some()
+    }
+
+    /// Keeps what the passes tell of pixels besides their colours, or not.
+    pub(super) fn keep_data(&mut self, is_wanted: bool) {
+        self.data = self.known.clone().filter(|_| is_wanted);
+    }
+
+    /// Takes the first sample of each pixel of a window, and sets what `of` makes of it. Gives the numbers that are kept besides.
     pub(super) fn first_samples<T>(
         &self,
         window: &mut Window<T>,
         stats: &mut Stats,
         of: impl Fn(Sample) -> T,
-    ) -> Result<(), BackendError> {
+    ) -> Result<Numbers, BackendError> {
         let tile = window.tile;
         let starts = self.starts(tile, stats)?;
         let parts = self.sample(Pixels::of_tile(tile, &starts), &self.samples[..1], stats)?;
@@ -216,23 +237,52 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let keeps = self.keeps_light();
         let linear = parts.iter().filter(|_| keeps).map(|part| &part.colours);
         let wanted = encoded.iter().map(|srgb| (srgb, ENCODED)).chain(linear.map(|linear| (linear, LINEAR)));
-        self.read(&parts, wanted.collect(), stats, |results, stats| match results {
+        self.read(&parts, wanted.chain(self.data_of(&parts)).collect(), stats, |results, stats| match results {
             Results::F32(results) => self.set_samples(&parts, &results, window, stats, of),
             Results::F64(results) => self.set_samples(&parts, &results, window, stats, of),
         })
+    }
+
+    /// The columns that are kept besides colours, of the parts that have some.
+    fn data_of<'p>(&'p self, parts: &'p [Part<B::Columns>]) -> impl Iterator<Item = Wanted<'p, B::Columns>> {
+        let kept = self.data.as_ref().map_or(&[][..], |kept| &kept.columns[..]);
+        parts
+            .iter()
+            .filter_map(|part| part.data.as_ref())
+            .map(move |data| (data, kept))
+            .filter(|(_, kept)| !kept.is_empty())
+    }
+
+    /// Cuts results into those of the columns that are kept besides colours, one for each part, and the rest.
+    fn split_data<'r, 'a, N>(
+        &self,
+        parts: &[Part<B::Columns>],
+        results: Read<'r, 'a, N>,
+    ) -> (Vec<Option<&'r [&'a [N]]>>, Read<'r, 'a, N>) {
+        let mut rest = results;
+        let mut next = |part: &Part<B::Columns>| {
+            part.data.as_ref().filter(|_| self.data.is_some())?;
+            let (first, others) = rest.split_first()?;
+            rest = others;
+            Some(&first[..])
+        };
+        let data = parts.iter().map(&mut next).collect();
+        (data, rest)
     }
 
     /// Sets what `of` makes of first samples.
     fn set_samples<N: Copy + Into<f64>, T>(
         &self,
         parts: &[Part<B::Columns>],
-        results: Read<N>,
+        results: Read<'_, '_, N>,
         window: &mut Window<T>,
         stats: &mut Stats,
         of: impl Fn(Sample) -> T,
-    ) {
+    ) -> Numbers {
         let (srgb, others) = results.split_at(parts.len());
-        let (linear, marches) = others.split_at(if self.keeps_light() { parts.len() } else { 0 });
+        let (linear, others) = others.split_at(if self.keeps_light() { parts.len() } else { 0 });
+        let (data, marches) = self.split_data(parts, others);
+        let mut numbers = Numbers::new();
         let status = count_marches(parts, marches, stats);
         for (k, Part { pixels, .. }) in parts.iter().enumerate() {
             let (status, linear) = (status[k], linear.get(k));
@@ -247,20 +297,24 @@ impl<'b, B: Backend> Renderer<'b, B> {
                 window.set_row(row, samples);
                 first += row.len as usize;
             }
+            if let Some(kept) = &self.data {
+                kept.gather(pixels, data[k], &mut numbers);
+            }
         }
+        numbers
     }
 
     /// Takes all but the first sample of each pixel and gives the average of all in sRGB; `first` has the first ones.
-    pub(super) fn other_samples(
+    pub(super) fn other_samples<'s>(
         &self,
         pixels: &[(u32, u32)],
-        first: impl Fn((u32, u32)) -> Sample,
+        first: impl Fn((u32, u32)) -> (Sample, &'s [f32]),
         stats: &mut Stats,
-        mut take: impl FnMut((u32, u32), [u8; 3], [f32; 3]),
+        mut take: impl FnMut((u32, u32), [u8; 3], [f32; 3], &[f32]),
     ) -> Result<(), BackendError> {
-        let parts = self.sample(Pixels::sorted(pixels, |place| first(place).start), &self.samples[1..], stats)?;
-        let wanted = parts.iter().map(|part| (&part.colours, LINEAR)).collect();
-        let averages = self.read(&parts, wanted, stats, |results, stats| match results {
+        let parts = self.sample(Pixels::sorted(pixels, |place| first(place).0.start), &self.samples[1..], stats)?;
+        let wanted = parts.iter().map(|part| (&part.colours, LINEAR)).chain(self.data_of(&parts)).collect();
+        let (averages, numbers) = self.read(&parts, wanted, stats, |results, stats| match results {
             Results::F32(results) => self.averages(&parts, &results, stats, first),
             Results::F64(results) => self.averages(&parts, &results, stats, first),
         })?;
@@ -269,30 +323,41 @@ impl<'b, B: Backend> Renderer<'b, B> {
         stats.refined += pixels.len() as u64;
         let places = parts.iter().flat_map(|part| part.pixels.places());
         for (i, (place, &srgb)) in places.zip(&srgb[0]).enumerate() {
-            take(place, bytes(srgb), [0, 1, 2].map(|k| averages[k][i] as f32));
+            let width = self.data.as_ref().map_or(0, Kept::width);
+            take(place, bytes(srgb), [0, 1, 2].map(|k| averages[k][i] as f32), &numbers[i * width..][..width]);
         }
         Ok(())
     }
 
-    /// The averages of all samples of each pixel, linear.
-    fn averages<N: Copy + Into<f64>>(
+    /// The averages of all samples of each pixel, linear, and the numbers that are kept besides.
+    fn averages<'s, N: Copy + Into<f64>>(
         &self,
         parts: &[Part<B::Columns>],
-        results: Read<N>,
+        results: Read<'_, '_, N>,
         stats: &mut Stats,
-        first: impl Fn((u32, u32)) -> Sample,
-    ) -> [Vec<f64>; 3] {
-        let (colours, marches) = results.split_at(parts.len());
+        first: impl Fn((u32, u32)) -> (Sample, &'s [f32]),
+    ) -> ([Vec<f64>; 3], Vec<f32>) {
+        let (colours, others) = results.split_at(parts.len());
+        let (data, marches) = self.split_data(parts, others);
         count_marches(parts, marches, stats);
+        let mut numbers = Vec::new();
+        for (part, columns) in parts.iter().zip(data).filter(|_| self.data.is_some()) {
+            let count = self.samples.len() - 1;
+            for (i, place) in part.pixels.places().enumerate() {
+                let kept = self.data.iter();
+                numbers.extend(kept.flat_map(|kept| kept.joined(first(place).1, columns, (i * count, count))));
+            }
+        }
         let scale = 1.0 / self.samples.len() as f64;
-        [0, 1, 2].map(|k| {
+        let averages = [0, 1, 2].map(|k| {
             let sums = colours.iter().flat_map(|colours| colours[k].chunks_exact(self.samples.len() - 1));
             let places = parts.iter().flat_map(|part| part.pixels.places());
             let mean = |(samples, place): (&[N], (u32, u32))| {
-                (f64::from(first(place).linear[k]) + samples.iter().map(|&x| x.into()).sum::<f64>()) * scale
+                (f64::from(first(place).0.linear[k]) + samples.iter().map(|&x| x.into()).sum::<f64>()) * scale
             };
             sums.zip(places).map(mean).collect()
-        })
+        });
+        (averages, numbers)
     }
 
     /// How far nothing is for any ray through each pixel of a tile; `None` without beams.
@@ -347,7 +412,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
             let points = empty.points(offsets);
             let colours =
                 timed(&mut stats.shade, || background.write(self.backend, Slot::Points, &points, Slot::Backgrounds))?;
-            parts.push(Part { pixels: empty, colours, marches: None });
+            parts.push(Part { pixels: empty, colours, marches: None, data: None });
         }
         if some.count > 0 {
             parts.push(self.marched(some, offsets, stats)?);
@@ -370,7 +435,8 @@ impl<'b, B: Backend> Renderer<'b, B> {
             _ => stats.shade += time,
         })?;
         let colours = written.take(Slot::Colours).expect("every picture has colours");
-        Ok(Part { pixels, colours, marches: Some((ends, written.rest())) })
+        let data = written.take(Slot::Data);
+        Ok(Part { pixels, colours, marches: Some((ends, written.rest())), data })
     }
 
     /// Waits for what was computed and has it read: the columns that are `wanted`, and then those of the parts' marches.
@@ -396,7 +462,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
 /// Counts the marches of parts. Gives how those of each part ended; nothing of a part without.
 fn count_marches<'a, C, N: Copy + Into<f64>>(
     parts: &[Part<C>],
-    marches: Read<'a, N>,
+    marches: Read<'_, 'a, N>,
     stats: &mut Stats,
 ) -> Vec<&'a [N]> {
     let mut marches = marches.iter();

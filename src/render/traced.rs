@@ -121,7 +121,7 @@ impl<B: Backend> Renderer<'_, B> {
         })?;
         let srgb = self.developed(&light).map_err(Halt::Failed)?;
         let radiance = if self.keeps_radiance { light.into_flattened() } else { Vec::new() };
-        Ok(Rows { srgb, radiance })
+        Ok(Rows { srgb, radiance, ..Rows::default() })
     }
 
     /// The light of pixels where beams found nothing.

@@ -65,7 +65,7 @@ pub fn compose_colour(arena: &Arena, look: &Look, lighting: &Lighting) -> Functi
 }
 
 /// The gradient, turned towards the viewer; one that is 0, not a number or infinite becomes the view direction.
-pub(super) fn facing_normal<'g>(gradient: Expr<'g>, direction: Expr<'g>) -> Expr<'g> {
+pub(crate) fn facing_normal<'g>(gradient: Expr<'g>, direction: Expr<'g>) -> Expr<'g> {
     let arena = gradient.arena;
     // Of length 1 where it is anything; beyond, derivatives have overflowed.
     let size_sq = gradient.dot(gradient);

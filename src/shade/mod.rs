@@ -20,6 +20,7 @@ pub use camera::{
     rays, threshold, turned,
 };
 pub use colour::compose_colour;
+pub(crate) use colour::facing_normal;
 pub use light::{Incoming, placed};
 pub use lighting::Lighting;
 pub use path::{Paths, first_path};
@@ -112,24 +113,27 @@ pub fn compose_surface_point(arena: &Arena, threshold: Threshold, precision: Pre
 
 /// What is known of surfaces, as further inputs: the outputs of a [`crate::compose::Purpose::Surface`]; and what they are made of, where
 /// the look is painted.
-fn read_surface<'g>(inputs: &mut Inputs<'g>, look: &Look) -> (Surface<Expr<'g>>, Option<Matter<Expr<'g>>>) {
+pub(crate) fn read_surface<'g>(inputs: &mut Inputs<'g>, look: &Look) -> (Surface<Expr<'g>>, Option<Matter<Expr<'g>>>) {
     let surface = Surface::read(inputs);
     (surface, read_matter(look, surface.gradient.arena, inputs))
 }
 
 /// A ray and what its march gave, as inputs of a function.
-struct Seen<'g> {
-    ray: Ray<Expr<'g>>,
-    march: Marched<Expr<'g>>,
+pub(crate) struct Seen<'g> {
+    /// The ray.
+    pub ray: Ray<Expr<'g>>,
+    /// What its march gave.
+    pub march: Marched<Expr<'g>>,
 }
 
 impl<'g> Seen<'g> {
-    fn read(inputs: &mut Inputs<'g>) -> Seen<'g> {
+    /// Takes both as the next inputs of a function.
+    pub fn read(inputs: &mut Inputs<'g>) -> Seen<'g> {
         Seen { ray: Ray::read(inputs), march: Marched::read(inputs) }
     }
 
     /// Whether the ray hit.
-    fn is_hit(&self) -> Expr<'g> {
+    pub fn is_hit(&self) -> Expr<'g> {
         is_hit(self.march)
     }
 

@@ -317,6 +317,7 @@ fn back_ends_agree_on_every_lens() {
             for backend in ["cpu", "gpu"] {
                 let mut line = vec![
                     "render",
+                    "--force",
                     "ball.ron",
                     "--lens",
                     lens,

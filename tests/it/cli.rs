@@ -90,7 +90,7 @@ fn bad_input_exits_with_2_and_writes_nothing() {
         (&["render", "mandelbulb", "--set", "power"], "--set"),
         (&["render", "mandelbulb", "--set", "ball.power=4"], "no node `ball`"),
         (&["render", "mandelbulb", "-o", "no_folder/a.png"], "no_folder"),
-        (&["render", "mandelbulb", "-o", "a.jpg"], ".png"),
+        (&["render", "mandelbulb", "-o", "a.bmp"], ".png"),
         (&["render", "mandelbulb", "--size", "0x5"], "16384"),
         (&["render", "mandelbulb", "--fudge", "1.5"], "fudge"),
         (&["render", "mandelbulb", "--camera", "0,0,0"], "camera"),

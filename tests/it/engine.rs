@@ -18,13 +18,13 @@ fn request() -> Request {
     Request { size: SIZE, backend: BackendChoice::Cpu, ..Request::default() }
 }
 
-/// The picture that the command makes of a formula.
+/// The pixels of the picture that the command makes of a formula.
 fn commanded(folder: &Path, arguments: &[&str]) -> Vec<u8> {
     let output = folder.join("command.png");
     let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
-    command.args(["render", "-q", "--backend", "cpu", "--size", "96x54", "-o"]).arg(&output).args(arguments);
+    command.args(["render", "-q", "--backend", "cpu", "--size", "96x54", "--force", "-o"]).arg(&output).args(arguments);
     assert!(command.current_dir(folder).status().unwrap().success());
-    std::fs::read(output).unwrap()
+    crate::support::pixels(&output)
 }
 
 /// A picture in memory, by rows from the top.
@@ -53,7 +53,7 @@ fn pictures_are_those_of_the_command() {
         let image = engine.picture(&formula, &Request { camera, ..request() }, &mut ()).unwrap();
         let path = folder.path().join("engine.png");
         image.write_png(&path).unwrap();
-        assert!(std::fs::read(path).unwrap() == commanded(folder.path(), arguments), "{name}");
+        assert!(crate::support::pixels(&path) == commanded(folder.path(), arguments), "{name}");
     }
 }
 

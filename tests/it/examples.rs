@@ -19,7 +19,7 @@ fn a_picture_is_that_of_the_command() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
     command.args(["render", "mandelbulb", "-q", "-o", "command.png"]).current_dir(folder.path());
     assert!(command.status().unwrap().success());
-    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    let read = |name: &str| crate::support::pixels(&folder.path().join(name));
     assert!(read("example.png") == read("command.png"));
     // What the reader counts: from a name to a picture in at most 12 lines.
     let source = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/render.rs")).unwrap();

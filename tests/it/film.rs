@@ -102,7 +102,43 @@ fn light_and_look_are_inverse_to_each_other() {
 
 #[test]
 fn layers_say_what_they_hold() {
-    assert_eq!(Layer::ALL.map(Layer::name), ["srgb", "radiance"]);
-    assert!(Layer::ALL.iter().all(|layer| layer.channels().len() == 3));
-    assert_eq!(Layer::ALL.map(Layer::bytes), [1, 4]);
+    assert_eq!(Layer::Srgb.bytes() + Layer::Radiance.bytes(), 5);
+    for layer in Layer::ALL {
+        assert_eq!(serde_json::to_string(&layer).unwrap(), format!("{:?}", layer.name()));
+        assert!((1..=4).contains(&layer.channels().len()));
+    }
+}
+
+#[test]
+fn agx_shows_middle_grey_in_the_middle_and_bright_light_white() {
+    let arena = Arena::default();
+    let cpu = bulbfold::check::Backends::cpu_only();
+    let develop = Develop { curve: bulbfold::graph::Curve::Agx, ..Develop::SOLID };
+    let kernel = Kernel::Map(compose_develop(&arena, develop));
+    let shown = |light: [f64; 3]| {
+        let columns = light.map(|x| vec![x]);
+        let srgb = cpu.run(bulbfold::check::Target::CPU_F64, &arena, &kernel, &columns).unwrap()[0][0] as u32;
+        [srgb >> 16, srgb >> 8 & 255, srgb & 255]
+    };
+    // The curve takes middle grey to half of what an exponent of 2.2 encodes: its author's pivot.
+    for byte in shown([0.18; 3]) {
+        assert!(byte.abs_diff(127) <= 2, "{byte}");
+    }
+    let [red, green, blue] = shown([3000.0, 30.0, 30.0]);
+    assert!(red > 245 && green > 215 && blue > 215, "{red} {green} {blue}");
+    assert_eq!(shown([0.0; 3]).map(|byte| byte < 2), [true; 3]);
+    let [mut before, steps] = [0, 60];
+    for i in 0..steps {
+        let [grey, ..] = shown([2_f64.powf(f64::from(i) / 4.0 - 11.0); 3]);
+        assert!(grey >= before, "step {i} is darker");
+        before = grey;
+    }
+    // Light is the inverse of what is shown, for what the curve can show.
+    for colour in [[0.2, 0.2, 0.2], [0.3, 0.25, 0.2], [0.05, 0.07, 0.1]] {
+        let light = develop.radiance_of(colour);
+        for (byte, shown) in shown(light).into_iter().zip(colour) {
+            let expected = 255.0 * (1.055 * f64::powf(shown, 1.0 / 2.4) - 0.055);
+            assert!((f64::from(byte) - expected).abs() < 1.6, "{byte} stands for {shown}");
+        }
+    }
 }

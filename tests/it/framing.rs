@@ -56,7 +56,8 @@ fn a_camera_in_the_set_is_told_and_nothing_is_measured() {
     std::fs::create_dir_all(&folder).unwrap();
     let picture = folder.join("inside.png");
     let picture = picture.to_str().unwrap();
-    let output = run(&["render", "tests/it/reach/inside.ron", "--size", "64x36", "--json", "-q", "-o", picture]);
+    let output =
+        run(&["render", "tests/it/reach/inside.ron", "--size", "64x36", "--json", "-q", "--force", "-o", picture]);
     let told = stderr(&output);
     assert!(output.status.success(), "{told}");
     assert!(told.contains("inside the set") && told.contains("--camera="), "{told}");

@@ -27,7 +27,8 @@ fn refused(folder: &Path, arguments: &[&str]) -> String {
 }
 
 /// A picture that costs nothing.
-const SMALL: [&str; 10] = ["--size", "4x3", "--samples", "1", "--calibrate", "off", "--backend", "cpu", "-o", "x.png"];
+const SMALL: [&str; 11] =
+    ["--force", "--size", "4x3", "--samples", "1", "--calibrate", "off", "--backend", "cpu", "-o", "x.png"];
 
 /// A map where a field is expected becomes an orbit with the file's settings, whose end may be that very field.
 #[test]

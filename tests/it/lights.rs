@@ -194,7 +194,8 @@ fn a_part_of_a_light_can_be_set() {
     );
     let folder = folder_with(&[("scene.ron", &text)]);
     let run = |set: &[&str]| {
-        let mut arguments = vec!["render", "scene.ron", "--size", "8x8", "-o", "a.png", "--calibrate", "off", "-q"];
+        let mut arguments =
+            vec!["render", "scene.ron", "--size", "8x8", "--force", "-o", "a.png", "--calibrate", "off", "-q"];
         set.iter().for_each(|set| arguments.extend(["--set", set]));
         success(&bulbfold(folder.path(), arguments));
         pixels(&folder.path().join("a.png"))

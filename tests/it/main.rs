@@ -29,6 +29,7 @@ mod exchange;
 mod expressions;
 mod film;
 mod find;
+mod formats;
 mod formulas;
 mod framing;
 #[cfg(feature = "chart")]
@@ -56,6 +57,7 @@ mod precision;
 mod presets;
 mod random_graphs;
 mod reach;
+mod recipes;
 mod rows;
 mod sampled;
 mod scripts;

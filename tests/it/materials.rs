@@ -92,7 +92,19 @@ fn materials_show() {
         look: (material: "gold", parts: { "cube": (palette: [(0.0, 0.0, 0.8)], material: "lacquer") }))"#;
     let folder = folder_with(&[("balls.ron", text)]);
     let render = |options: &[&str]| {
-        let base = ["render", "balls.ron", "--size", "64x36", "--samples", "1", "--backend", "cpu", "-o", "out.png"];
+        let base = [
+            "render",
+            "balls.ron",
+            "--size",
+            "64x36",
+            "--samples",
+            "1",
+            "--backend",
+            "cpu",
+            "--force",
+            "-o",
+            "out.png",
+        ];
         success(&bulbfold(folder.path(), base.iter().chain(options)));
         pixels(&folder.path().join("out.png"))
     };

@@ -201,7 +201,8 @@ fn palettes_of_the_command_line_colour_pictures() {
     ]);
     let render = |options: &[&str]| {
         let name = format!("{}.png", options.join("_").replace(['.', '-'], ""));
-        let base = ["render", "ball.ron", "--size", "64x36", "--samples", "1", "--backend", "cpu", "-o", &name];
+        let base =
+            ["render", "ball.ron", "--size", "64x36", "--samples", "1", "--backend", "cpu", "--force", "-o", &name];
         success(&bulbfold(folder.path(), base.iter().chain(options)));
         pixels(&folder.path().join(&name))
     };

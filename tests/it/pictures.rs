@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use bulbfold::check::Formula;
 use bulbfold::compose::Composer;
 use bulbfold::expr::Arena;
-use bulbfold::film::{Image, Layer, PngFile, Rows};
+use bulbfold::film::{Image, Layer, Layers, PngFile, Rows};
 use bulbfold::graph::Camera;
 use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::{Backend, BackendError, Batch, Kernel, Results, Wanted};
@@ -233,7 +233,7 @@ fn the_light_of_all_samples_is_averaged_and_then_developed() {
         light.append(&mut rows.radiance);
         true
     };
-    renderer.render_layers(0..large.size.height, &[Layer::Radiance], &mut take, &mut |_| true).unwrap();
+    renderer.render_layers(0..large.size.height, Layers::NONE.and(Layer::Radiance), &mut take, &mut |_| true).unwrap();
     // The film's curve, as its author wrote it down.
     let shown = |light: f64| {
         let x = 0.62 * light;
@@ -381,7 +381,7 @@ fn unfinished_files_leave_the_old_one() {
 /// Runs `render` and gives its JSON.
 fn rendered(folder: &Path, arguments: &[&str]) -> serde_json::Value {
     let output = program(folder)
-        .args(["render", "--backend", "cpu", "--json", "--calibrate", "off"])
+        .args(["render", "--backend", "cpu", "--json", "--calibrate", "off", "--force"])
         .args(arguments)
         .env("BULBFOLD_CACHE", folder)
         .output()

@@ -212,7 +212,7 @@ fn the_gpu_draws_the_same() {
     for (name, set) in [("mandelbrot", "power=2"), ("burning_ship", "power=2"), ("mandelbulb", slice)] {
         let render = |backend: &str| {
             let output = format!("{backend}.png");
-            let common = ["render", name, "--set", set, "--size", "120x80", "--calibrate", "off", "--quiet"];
+            let common = ["render", name, "--set", set, "--size", "120x80", "--calibrate", "off", "--quiet", "--force"];
             bulbfold(folder.path(), [&common[..], &["--backend", backend, "-o", &output]].concat())
         };
         let tried = render("gpu");
@@ -242,7 +242,7 @@ fn planes_cut_solids() {
     // What holds along rays gives way to what holds all around.
     let folder = folder();
     for (asked, taken) in [("directional", "jacobian"), ("certified", "gradient")] {
-        let common = ["render", "mandelbulb", "--set", "plane=(height: 2.6)", "--size", "24x16", "--stats"];
+        let common = ["render", "mandelbulb", "--set", "plane=(height: 2.6)", "--size", "24x16", "--stats", "--force"];
         let output = bulbfold(folder.path(), [&common[..], &["--backend", "cpu", "--de", asked]].concat());
         let told = format!("{taken}, logarithmic: for `{asked}`");
         assert!(output.status.success() && stderr(&output).contains(&told), "{}", stderr(&output));
@@ -254,7 +254,7 @@ fn precision_follows_the_pixels_size() {
     let folder = folder();
     let render = |height: &str| {
         let set = format!("height={height}");
-        let common = ["render", "mandelbrot", "--backend", "cpu", "--size", "24x16", "--samples", "1"];
+        let common = ["render", "mandelbrot", "--backend", "cpu", "--size", "24x16", "--samples", "1", "--force"];
         let place = ["--set", "x=-0.75", "--set", "y=0.1", "--set", "max_iterations=50", "--set", &set];
         let output = bulbfold(folder.path(), [&common[..], &place[..]].concat());
         assert!(output.status.success(), "{}", stderr(&output));

@@ -322,7 +322,7 @@ fn a_camera_is_set_where_the_file_has_none() {
         ];
         let output = bulbfold(folder.path(), [&small[..], more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
-        std::fs::read(folder.path().join(name)).expect("a picture")
+        crate::support::pixels(&folder.path().join(name))
     };
     let set = render("set.png", &["--set", "camera.fov=60", "--set", "camera.target=(0, 0, 0.2)"]);
     assert_eq!(set, render("flags.png", &["--fov", "60", "--target", "0,0,0.2"]));

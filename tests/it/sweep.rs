@@ -36,7 +36,7 @@ fn frames_share_kernels_and_are_right(folder: &Path, backend: &str, most_differe
     assert_eq!(report["kernels_compiled"], 10, "{report}");
     assert_eq!(report["structures"], serde_json::json!({}), "{report}");
     // The third of five, half the way.
-    let own = ["--set", "power=6.4", "--fov", "45", "--camera", "1.35,-2.1,1.2", "-o", "own.png"];
+    let own = ["--set", "power=6.4", "--fov", "45", "--camera", "1.35,-2.1,1.2", "--force", "-o", "own.png"];
     render(folder, backend, &own);
     let different = difference(&folder.join("f03.png"), &folder.join("own.png"));
     assert!(different <= most_different, "{different} of the picture differs");
@@ -66,7 +66,7 @@ fn a_parameter_that_changes_the_structure_brings_kernels_of_its_own() {
     assert_eq!(report["structures"]["march"], 4, "{report}");
     for (frame, power) in ["4", "4.5", "5", "5.5", "6"].iter().enumerate() {
         let own = folder.path().join("own.png");
-        render(folder.path(), "cpu", &["--set", &format!("power={power}"), "-o", "own.png"]);
+        render(folder.path(), "cpu", &["--set", &format!("power={power}"), "--force", "-o", "own.png"]);
         assert_eq!(difference(&folder.path().join(format!("f{}.png", frame + 1)), &own), 0.0, "power {power}");
     }
 }

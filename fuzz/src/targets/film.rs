@@ -3,14 +3,19 @@
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
+use bulbfold::engine::Recipe;
 use bulbfold::files::Target;
-use bulbfold::film::{PngFile, Tile, read_png_bytes, windows};
+use bulbfold::film::{Made, PngFile, PngForm, Tile, read_made_bytes, read_png_bytes, windows};
 use bulbfold::shade::Size;
 
-/// A made PNG that `--resume` looks at; the first two bytes are the size that it must have.
+/// A made PNG that `--resume` looks at; the first two bytes are the size that it must have. What it says of how it was made is read, too,
+/// and checked as `render` does.
 pub fn png(bytes: &[u8]) {
     let [width, height, file @ ..] = bytes else { return };
     let size = Size { width: u32::from(*width).max(1), height: u32::from(*height).max(1) };
+    if let Ok(Made { recipe: Some(recipe), .. }) = read_made_bytes(file) {
+        let _ = Recipe::read(&recipe).map(|recipe| recipe.is_settled());
+    }
     match read_png_bytes(file, size) {
         Ok(made) => assert_eq!(Ok(made), read_png_bytes(file, size)),
         Err(why) => assert!(!why.is_empty(), "a picture was refused without a reason"),
@@ -43,7 +48,7 @@ fn stream(size: Size, rgb: &[u8], bytes: &[u8]) {
     let path = PATH.get_or_init(|| std::env::temp_dir().join(format!("bulbfold-fuzz-{}.png", std::process::id())));
     let key = (!bytes.is_empty()).then(|| format!("key {}", bytes[0]));
     let target = Target::of(path).expect("the temporary folder can be looked at");
-    let mut file = PngFile::at(&target, size, key.as_deref());
+    let mut file = PngFile::at(&target, PngForm { key: key.clone(), ..PngForm::plain(size) });
     let mut pieces = bytes.iter().map(|byte| 1 + usize::from(*byte) * 7).cycle();
     let mut rest = rgb;
     while !rest.is_empty() {

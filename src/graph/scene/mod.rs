@@ -6,6 +6,7 @@
 mod camera;
 mod environment;
 mod fields;
+mod film;
 mod light;
 mod look;
 mod paint;
@@ -13,6 +14,7 @@ mod traps;
 
 pub use camera::{Camera, CubeLayout, Lens, Stereo, StereoLayout};
 pub use environment::{Atmosphere, Environment, Glow};
+pub use film::{Curve, Encoding, Film};
 pub use light::{Cone, Light, LightKind, SUN_ANGLE, Space};
 pub use look::{Look, Part};
 pub(super) use paint::read_paint;
@@ -22,6 +24,7 @@ pub use traps::{TRAPS, Trap};
 use self::camera::read_camera;
 use self::environment::{read_atmosphere, read_environment};
 use self::fields::read_plane;
+use self::film::read_film;
 use self::light::read_lights;
 use self::look::read_look;
 use super::objects::Objects;
@@ -49,6 +52,8 @@ pub struct Scene {
     pub atmosphere: Atmosphere,
     /// The view that the file itself shows, where the camera has left it.
     pub home: Option<Camera>,
+    /// How light becomes a picture.
+    pub film: Film,
 }
 
 impl Default for Scene {
@@ -69,6 +74,7 @@ impl Scene {
             backdrop: Some(look.background),
             atmosphere: Atmosphere { fog: look.fog, ..Atmosphere::default() },
             home: None,
+            film: Film::default(),
             look,
         }
     }
@@ -107,7 +113,7 @@ pub struct Plane {
 }
 
 /// Fields of a scene, in a fractal's file beside its nodes or in `scene: (...)`.
-const FIELDS: [&str; 6] = ["camera", "plane", "look", "light", "environment", "atmosphere"];
+const FIELDS: [&str; 7] = ["camera", "plane", "look", "light", "environment", "atmosphere", "film"];
 
 /// Reads the fields of a scene: those among a file's own, and those in its `scene: (...)`.
 pub(super) fn read_scene(reader: &mut Reader, fields: &mut Fields) -> Scene {
@@ -123,12 +129,13 @@ pub(super) fn read_scene(reader: &mut Reader, fields: &mut Fields) -> Scene {
         }
         inside.or(outer)
     };
-    let [camera, plane, look, light, environment, atmosphere] = FIELDS.map(|name| take(reader, name));
+    let [camera, plane, look, light, environment, atmosphere, film] = FIELDS.map(|name| take(reader, name));
     if let Some(inner) = inner {
         inner.finish(reader.d);
     }
     let given = look.and_then(|v| read_look(reader, v));
     let mut scene = given.map_or_else(Scene::default, Scene::of_look);
+    scene.film = film.and_then(|v| read_film(reader, v)).unwrap_or_default();
     scene.camera = camera.and_then(|v| read_camera(reader, v));
     scene.plane = plane.and_then(|v| read_plane(reader, v));
     if let Some(value) = light {

@@ -20,7 +20,14 @@ const SMALL: [&str; 8] = ["--size", "32x18", "--samples", "1", "--calibrate", "o
 
 /// Renders a small picture of a formula into a file.
 fn render(folder: &Path, formula: impl AsRef<OsStr>, output: impl AsRef<OsStr>) -> Output {
-    program(folder).arg("render").arg(formula).args(SMALL).args(["-q", "-o"]).arg(output).output().expect("it starts")
+    program(folder)
+        .arg("render")
+        .arg(formula)
+        .args(SMALL)
+        .args(["-q", "--force", "-o"])
+        .arg(output)
+        .output()
+        .expect("it starts")
 }
 
 /// Everything in a folder, sorted.

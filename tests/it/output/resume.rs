@@ -48,11 +48,15 @@ fn broken_frames_are_named_and_made_again() {
     assert!(!said.contains("f_01.png is"), "{said}");
     assert!([read("f_02.png"), read("f_03.png"), read("f_04.png")] == [second, third, fourth]);
     assert!(!resume(folder.path(), "48x32", "power=4..8").contains("again"));
-    // A whole picture that nobody knows the settings of.
-    let other =
-        bulbfold(folder.path(), ["render", "mandelbox", "--size", "48x32", "--calibrate", "off", "-o", "f_01.png"]);
+    // A whole picture that is no frame.
+    let other = bulbfold(
+        folder.path(),
+        ["render", "mandelbox", "--size", "48x32", "--calibrate", "off", "--force", "-o", "f_01.png"],
+    );
     assert!(other.status.success());
-    assert!(resume(folder.path(), "48x32", "power=4..8").contains("f_01.png is rendered again: it does not say"));
+    assert!(
+        resume(folder.path(), "48x32", "power=4..8").contains("f_01.png is rendered again: it is of other settings")
+    );
     assert!(read("f_01.png") == first);
     assert_eq!(names(folder.path()).len(), 4);
 }

@@ -9,8 +9,9 @@ use super::{names, render};
 use crate::support::{folder, program, stderr};
 
 /// A picture that takes much longer than it takes to end it.
-const LARGE: [&str; 13] = [
+const LARGE: [&str; 14] = [
     "render",
+    "--force",
     "mandelbox",
     "--size",
     "2000x1400",
@@ -68,7 +69,8 @@ fn files_that_grow_too_large_are_an_error() {
     let script = "ulimit -f 8; exec \"$0\" \"$@\"";
     let mut command = Command::new("sh");
     command.current_dir(folder.path()).arg("-c").arg(script).arg(env!("CARGO_BIN_EXE_bulbfold"));
-    let picture = ["render", "mandelbulb", "--size", "640x480", "--samples", "1", "--calibrate", "off", "-o", "a.png"];
+    let picture =
+        ["render", "mandelbulb", "--size", "640x480", "--samples", "1", "--calibrate", "off", "--force", "-o", "a.png"];
     let output = command.args(picture).output().unwrap();
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert!(stderr(&output).contains("cannot write a.png"), "{}", stderr(&output));
