@@ -267,6 +267,9 @@ impl<'a> Settling<'a> {
         }
         let plan = plan.map_or_else(|| self.plan(&graph), Ok)?;
         graph = self.toned(graph, &plan)?;
+        if graph.scene.camera.is_some_and(|camera| camera.aperture.is_some()) && self.request.path.is_none() {
+            observer.note("everything is sharp: the aperture needs paths of light, `--integrator path`");
+        }
         let resolution = self.resolution(&graph, plan.clone(), asked)?;
         let mut precision = self.precision(asked, &resolution, observer);
         let may_double = precision == Precision::F32

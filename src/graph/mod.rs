@@ -27,9 +27,9 @@ pub use overrides::Override;
 pub use presets::{PRESET, Preset, expand_presets};
 pub use read::{patched, read};
 pub use scene::{
-    Atmosphere, Blend, By, Camera, Cone, CubeLayout, Curve, Encoding, Environment, Film, Glow, Layer, Lens, Light,
-    LightKind, Look, MOST_LAYERS, Marks, MaterialUse, Paint, Palette, Part, Plane, SUN_ANGLE, Scene, Space, Spread,
-    Stereo, StereoLayout, TRAPS, Trap,
+    Aperture, Atmosphere, Blend, By, Camera, Cone, CubeLayout, Curve, Encoding, Environment, Film, Glow, Layer, Lens,
+    Light, LightKind, Look, MOST_LAYERS, Marks, MaterialUse, Paint, Palette, Part, Plane, SUN_ANGLE, Scene, Space,
+    Spread, Stereo, StereoLayout, TRAPS, Trap,
 };
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{

@@ -295,6 +295,16 @@ record! {
 }
 
 record! {
+    /// Random numbers that pick a point of the lens's opening, each from 0 to 1.
+    pub struct LensPoint {
+        /// Picks how far it is from the middle.
+        u: F,
+        /// Picks on which side it is.
+        v: F,
+    }
+}
+
+record! {
     /// Random numbers of a point of a path, each from 0 to 1.
     pub struct Random {
         /// Picks a light.

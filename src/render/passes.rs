@@ -39,6 +39,8 @@ pub enum Role {
     CornerMarch,
     /// Rays to how closely they pass.
     PassingMarch,
+    /// Rays through the middle of a lens to rays through its opening.
+    Blur,
     /// Points of paths to rays towards the lights that are picked there.
     LightRay,
     /// Those rays to their ends.
@@ -72,6 +74,7 @@ impl Role {
             Role::CornerRay => "corner_ray",
             Role::CornerMarch => "corner_march",
             Role::PassingMarch => "passing_march",
+            Role::Blur => "blur",
             Role::LightRay => "light_ray",
             Role::LightMarch => "light_march",
             Role::BounceRay => "bounce_ray",
@@ -114,6 +117,10 @@ pub enum Slot {
     Corners,
     /// What a march of the picture's rays gave that looks how closely they pass, [`Marched`].
     Passing,
+    /// [`LensPoint`](crate::kernel::records::LensPoint)s.
+    LensPoints,
+    /// [`Ray`]s through the opening of a lens.
+    BlurredRays,
     /// [`Path`](crate::kernel::records::Path)s before a point.
     Paths,
     /// The [`Random`](crate::kernel::records::Random) numbers of a point.

@@ -118,8 +118,9 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let mut passes = Passes::default();
     let camera_kernel = shade::compose_camera(arena, &camera, settings.size, &bounds);
     passes.push(Role::Camera, [Slot::Points], Slot::Rays, Kernel::Map(camera_kernel));
-    // What beams find empty is seen through clear air.
-    let is_hazy = lighting.atmosphere.glow.is_some() || lighting.atmosphere.fog_colour.is_some();
+    // What beams find empty is seen through clear air, from one point.
+    let aperture = camera.aperture.filter(|_| settings.path.is_some());
+    let is_hazy = lighting.atmosphere.glow.is_some() || lighting.atmosphere.fog_colour.is_some() || aperture.is_some();
     let tiles = match settings.plain || is_hazy || settings.beams == BeamUse::Off {
         true => None,
         false => compose_beams(&mut passes, composer, &plan, (&camera, &lighting), (settings, &bounds), &march)?,
@@ -135,6 +136,10 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     let further = Further { composer, plan: &plan, settings, camera: &camera, bounds: &bounds, march: &march };
     if settings.path.is_some() {
         further.path(&mut passes, &lighting)?;
+        if let Some(aperture) = &aperture {
+            let blur = Kernel::Map(shade::compose_blur(arena, &camera, aperture, &bounds));
+            passes.push(Role::Blur, [Slot::Rays, Slot::LensPoints], Slot::BlurredRays, blur);
+        }
     } else {
         let mut seen = vec![Slot::Rays, Slot::Ends, Slot::Surfaces];
         seen.extend(further.compose(&mut passes, &lighting)?);

@@ -14,6 +14,8 @@ use crate::shade::first_path;
 /// Passes of a path's point, made ready on a back end.
 pub(super) struct Tracer<B: Backend> {
     point: Chain<B>,
+    /// Rays to those through the opening of the lens, where it is open.
+    blur: Option<Chain<B>>,
     settings: PathTracing,
     /// Whether lights are marched to.
     has_lights: bool,
@@ -71,8 +73,10 @@ impl<B: Backend> Tracer<B> {
         let given = [Slot::Rays, Slot::Ends, Slot::Paths, Slot::Randoms];
         let has_lights = passes.get(Role::LightMarch).is_some();
         let wanted = [Slot::NextRays, Slot::NextPaths, Slot::Lit];
-        let point = Chain::new(passes, &given, &wanted[..if has_lights { 3 } else { 2 }], prepare)?;
-        Ok(Tracer { point, settings, has_lights })
+        let point = Chain::new(passes, &given, &wanted[..if has_lights { 3 } else { 2 }], &mut *prepare)?;
+        let has_blur = passes.get(Role::Blur).is_some();
+        let blur = has_blur.then(|| Chain::new(passes, &[Slot::Rays, Slot::LensPoints], &[Slot::BlurredRays], prepare));
+        Ok(Tracer { point, blur: blur.transpose()?, settings, has_lights })
     }
 
     /// Paths through a pixel at most.
@@ -183,6 +187,11 @@ impl<B: Backend> Renderer<'_, B> {
         };
         let (x, y) = (at(0, |place| place.0), at(1, |place| place.1));
         let mut rays = timed(&mut stats.shade, || self.rays_through(pixels, &x, &y))?;
+        if let Some(blur) = &tracer.blur {
+            let points = self.backend.upload(&[offsets(2), offsets(3)])?;
+            let mut written = blur.run(self.backend, &[(Slot::Rays, &rays), (Slot::LensPoints, &points)], |_, _| {})?;
+            rays = written.take(Slot::BlurredRays).expect("the lens gives rays");
+        }
         let first: Vec<Vec<f64>> = first_path().into_iter().map(|value| vec![value; places.len()]).collect();
         let mut paths = self.backend.upload(&first)?;
         for bounce in 0..tracer.settings.bounces.max(1) {

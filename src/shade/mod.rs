@@ -4,6 +4,7 @@
 //! the way formula steps do. Colours are radiance: linear, and developed by [`film`](crate::film).
 
 mod air;
+mod blur;
 mod camera;
 mod colour;
 mod finish;
@@ -15,6 +16,7 @@ mod secondary;
 mod sky;
 
 use air::Air;
+pub use blur::compose_blur;
 pub use camera::{
     CameraFrame, beam_radius, compose_background, compose_beam, compose_begin, compose_camera, frame_automatically,
     rays, threshold, turned,

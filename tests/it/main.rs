@@ -51,6 +51,7 @@ mod orbit_counts;
 #[cfg(unix)]
 mod output;
 mod palettes;
+mod paths;
 mod pictures;
 mod planes;
 mod precision;
@@ -60,6 +61,7 @@ mod reach;
 mod recipes;
 mod rows;
 mod sampled;
+mod scenes;
 mod scripts;
 mod shortcuts;
 mod stability;

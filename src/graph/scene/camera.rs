@@ -32,6 +32,20 @@ pub struct Camera {
     /// What is farther is not seen, by the same measure.
     #[serde(default)]
     pub far: Option<f64>,
+    /// The opening of the lens, where pictures along paths of light have a depth of field.
+    #[serde(default)]
+    pub aperture: Option<Aperture>,
+}
+
+/// The opening of a lens: what is nearer or farther than the focus is blurred.
+#[derive(Clone, Copy, PartialEq, Debug, Serialize, Deserialize)]
+pub struct Aperture {
+    /// Its radius in world units, above 0.
+    pub radius: f64,
+    /// Distance of what is sharp, in world units, along the view direction; that of the target where absent.
+    pub focus: Option<f64>,
+    /// Edges of the opening, from 3; 0 is round.
+    pub blades: u32,
 }
 
 /// How directions become places of the picture.
@@ -160,7 +174,7 @@ impl Camera {
     /// A perspective camera.
     pub const fn new(position: [f64; 3], target: [f64; 3], up: [f64; 3], fov: f64) -> Camera {
         let lens = Lens::Perspective { shift: [0.0; 2] };
-        Camera { position, target, up, fov, lens, stereo: None, near: 0.0, far: None }
+        Camera { position, target, up, fov, lens, stereo: None, near: 0.0, far: None, aperture: None }
     }
 
     /// Distance from the camera to its target.
@@ -223,6 +237,7 @@ pub(super) fn read_camera(reader: &mut Reader, value: &Value) -> Option<Camera> 
     let stereo = fields.optional_value("stereo").map_or(Some(None), |v| read_stereo(reader, v).map(Some));
     let near = fields.optional_value("near").map_or(Some(0.0), |v| reader.number(v, 0.0, 1e9));
     let far = fields.optional_value("far").map_or(Some(None), |v| reader.number(v, 1e-300, 1e9).map(Some));
+    let aperture = read_aperture(reader, &mut fields);
     let span = fields.span();
     fields.finish(reader.d);
     let Some(position) = position else {
@@ -237,11 +252,31 @@ pub(super) fn read_camera(reader: &mut Reader, value: &Value) -> Option<Camera> 
         bad(reader, value.span, message, "move the position, or choose another `up`");
         return None;
     }
-    let camera = Camera { stereo: stereo?, near: near?, far: far?, ..Camera::new(position, target, up, fov) };
+    let camera = Camera {
+        stereo: stereo?,
+        near: near?,
+        far: far?,
+        aperture: aperture?,
+        ..Camera::new(position, target, up, fov)
+    };
     Some(match lens {
         Lens::Orthographic { height } if height <= 0.0 => camera.with_lens(lens),
         lens => Camera { lens, ..camera },
     })
+}
+
+/// Reads `aperture: 0.02, focus: 3.0, blades: 6`. The outer option is that of errors.
+fn read_aperture(reader: &mut Reader, fields: &mut Fields) -> Option<Option<Aperture>> {
+    let radius = fields.optional_value("aperture").map_or(Some(0.0), |v| reader.number(v, 0.0, 1e6));
+    let focus = fields.optional_value("focus").map_or(Some(None), |v| reader.number(v, 1e-9, 1e9).map(Some));
+    let blades = fields.or("blades", 0, reader.d);
+    if blades == 1 || blades == 2 || blades > 64 {
+        let message = "an aperture has from 3 to 64 blades, or none where it is round";
+        bad(reader, fields.span(), message, "write `blades: 6`");
+        return None;
+    }
+    let (radius, focus) = (radius?, focus?);
+    Some((radius > 0.0).then_some(Aperture { radius, focus, blades }))
 }
 
 /// Whether a camera has no frame.

@@ -12,7 +12,7 @@ mod look;
 mod paint;
 mod traps;
 
-pub use camera::{Camera, CubeLayout, Lens, Stereo, StereoLayout};
+pub use camera::{Aperture, Camera, CubeLayout, Lens, Stereo, StereoLayout};
 pub use environment::{Atmosphere, Environment, Glow};
 pub use film::{Curve, Encoding, Film};
 pub use light::{Cone, Light, LightKind, SUN_ANGLE, Space};
