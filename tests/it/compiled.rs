@@ -92,7 +92,13 @@ fn compare(cpu: Cpu) {
             let Some(shadow_ray) = pipeline.passes.get(Role::ShadowRay(0)) else { return };
             let shadow_rays = run("shadow ray", shadow_ray, &[&rays, &hits, &surface]);
             let shadows = run("shadow", pipeline.kernel(Role::March), &[&shadow_rays]);
-            run("colour", pipeline.kernel(Role::Colour), &[&rays, &hits, &surface, &shadows]);
+            let mut seen = vec![&rays, &hits, &surface, &shadows];
+            let corners = pipeline.passes.get(Role::CornerRay).map(|ray| {
+                let corner_rays = run("corner ray", ray, &[&rays, &hits, &surface]);
+                run("corner", pipeline.kernel(Role::CornerMarch), &[&corner_rays])
+            });
+            seen.extend(&corners);
+            run("colour", pipeline.kernel(Role::Colour), &seen);
         });
     }
 }
