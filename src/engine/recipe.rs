@@ -53,7 +53,9 @@ impl Recipe {
     pub fn has_scripts(text: &str) -> Result<bool, Error> {
         let texts: Texts = serde_json::from_str(text).map_err(|error| broken(&error))?;
         let formula = &texts.job.formula;
-        Ok(!formula.steps.is_empty() || (formula.is_script() && !formula.is_unchanged_builtin()))
+        let is_script = |(name, _): &(String, String)| name.to_ascii_lowercase().ends_with(".rhai");
+        let own = formula.is_script() && !formula.is_unchanged_builtin();
+        Ok(!formula.steps.is_empty() || formula.files.iter().any(is_script) || own)
     }
 
     /// Reads a recipe. Its scripts run, within the limits of all scripts.

@@ -328,7 +328,7 @@ fn back_ends_agree_on_every_lens() {
                     "--backend",
                     backend,
                 ];
-                line.extend(["--camera=0,-1.6,0", "-o", "ball.png"]);
+                line.extend(["--camera=0,-1.6,0", "--force", "-o", "ball.png"]);
                 line.extend(stereo);
                 success(&bulbfold(folder.path(), &line));
                 pictures.push(pixels(&folder.path().join("ball.png")));

@@ -46,7 +46,10 @@ fn zooms_land_on_the_surface_and_their_arguments_come_back() {
         &["--ortho", "3", "--orbit", "30,20"],
         &["--lens", "fisheye", "--stereo", "side-by-side", "--orbit=-15", "--eyes", "0.3"],
     ] {
-        let moved = bulbfold(folder.path(), [&["render", "ball.ron", "-o", "moved.png"], &small[..], moves].concat());
+        let moved = bulbfold(
+            folder.path(),
+            [&["render", "ball.ron", "--force", "-o", "moved.png"], &small[..], moves].concat(),
+        );
         success(&moved);
         let told = stderr(&moved);
         let lines: Vec<&str> = told.lines().filter(|line| line.starts_with("--")).collect();
@@ -54,7 +57,7 @@ fn zooms_land_on_the_surface_and_their_arguments_come_back() {
         let arguments: Vec<&str> = lines.iter().flat_map(|line| line.split(' ')).collect();
         success(&bulbfold(
             folder.path(),
-            [&["render", "ball.ron", "-o", "again.png"], &small[..], &arguments].concat(),
+            [&["render", "ball.ron", "--force", "-o", "again.png"], &small[..], &arguments].concat(),
         ));
         let [a, b] = ["moved.png", "again.png"].map(|name| pixels(&folder.path().join(name)));
         assert!(a == b, "{moves:?} and {arguments:?} give other pictures");
@@ -101,8 +104,10 @@ fn contradictions_of_cameras_are_told() {
         (&["--zoom", "0"], "0.001"),
         (&["--ortho", "2", "--lens", "fisheye"], "cannot be used"),
     ] {
-        let output =
-            bulbfold(folder.path(), [&["render", "ball.ron", "--size", "32x24", "-o", "x.png"], arguments].concat());
+        let output = bulbfold(
+            folder.path(),
+            [&["render", "ball.ron", "--size", "32x24", "--force", "-o", "x.png"], arguments].concat(),
+        );
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
         assert!(stderr(&output).contains(what), "{arguments:?}: {}", stderr(&output));
     }
