@@ -66,7 +66,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
 fn formula_page(arguments: &Arguments, session: &mut Session) -> Result<Vec<Block>, Failure> {
     let (path, name) = (&arguments.name, arguments.name.to_string_lossy());
     let name = &*name;
-    let formulas = embedded::FRACTALS.iter().chain(embedded::SCRIPTS).map(|(name, _)| *name);
+    let formulas = embedded::FRACTALS.iter().chain(embedded::SCENES).chain(embedded::SCRIPTS).map(|(name, _)| *name);
     let looks = palettes::all().iter().map(|palette| palette.name.as_str());
     let looks = looks.chain(session.library.material_names());
     let known: Vec<&str> = session.library.names().chain(formulas).chain(looks).collect();

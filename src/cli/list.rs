@@ -1,4 +1,4 @@
-//! `bulbfold list`: steps, fractals, scripts, palettes and materials by group, and the search for those with some properties.
+//! `bulbfold list`: steps, fractals, scenes, scripts, palettes and materials by group, and the search for those with some properties.
 //!
 //! Properties come from the files and graphs themselves: conformal steps are measured, methods that apply come from
 //! the composer.
@@ -37,7 +37,7 @@ Examples:
 All conditions must hold. --conformal takes steps whose Jacobian, with default parameters, is measured to be a multiple
 of an orthogonal matrix, and fractals all of whose steps are such.")]
 pub struct Arguments {
-    /// Only what has this in its name, group, summary or inventor; or one kind: steps, fractals, scripts, palettes or materials
+    /// Only what has this in its name, group, summary or inventor; or one kind: steps, fractals, scenes, scripts, palettes or materials
     filter: Option<String>,
     /// Only one kind
     #[arg(long, value_enum)]
@@ -81,6 +81,8 @@ enum Kind {
     Steps,
     /// Built-in fractals.
     Fractals,
+    /// Built-in scenes of several objects.
+    Scenes,
     /// Built-in graph scripts.
     Scripts,
     /// Gradients, with five of their colours.
@@ -95,6 +97,7 @@ impl Kind {
         match self {
             Kind::Steps => "steps",
             Kind::Fractals => "fractals",
+            Kind::Scenes => "scenes",
             Kind::Scripts => "scripts",
             Kind::Palettes => "palettes",
             Kind::Materials => "materials",
@@ -236,6 +239,13 @@ fn entries(arguments: &Arguments, session: &mut Session) -> Vec<Entry> {
             entries.push(fractal_entry(name, graph.as_ref(), properties));
         }
     }
+    if wanted(Kind::Scenes) {
+        for (name, _) in embedded::SCENES {
+            let loaded = load(&mut session.library, name, &[], &mut Diagnostics::default());
+            let summary = loaded.map_or(String::new(), |loaded| loaded.graph.summary.clone());
+            entries.push(Entry { summary, ..plain_entry(Kind::Scenes, name, "scenes") });
+        }
+    }
     if wanted(Kind::Scripts) {
         entries.extend(embedded::SCRIPTS.iter().map(|(name, text)| Entry {
             kind: Kind::Scripts,
@@ -368,7 +378,8 @@ fn to_json(entries: &[&Entry]) -> Value {
         entries.iter().filter(|entry| entry.kind == kind).map(|entry| entry_json(entry)).collect()
     };
     json!({
-        "version": 1, "steps": of(Kind::Steps), "fractals": of(Kind::Fractals), "scripts": of(Kind::Scripts),
+        "version": 1, "steps": of(Kind::Steps), "fractals": of(Kind::Fractals), "scenes": of(Kind::Scenes),
+        "scripts": of(Kind::Scripts),
         "palettes": of(Kind::Palettes), "materials": of(Kind::Materials),
     })
 }
@@ -379,7 +390,7 @@ fn entry_json(entry: &Entry) -> Value {
         return value;
     }
     value["group"] = json!(entry.group);
-    if matches!(entry.kind, Kind::Palettes | Kind::Materials) {
+    if matches!(entry.kind, Kind::Scenes | Kind::Palettes | Kind::Materials) {
         return value;
     }
     value["inventor"] = json!(entry.inventor);

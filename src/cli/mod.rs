@@ -115,7 +115,7 @@ enum Command {
     /// Find views that are worth it, and show them on a contact sheet.
     #[cfg(feature = "chart")]
     Look(look::Arguments),
-    /// List steps, fractals, scripts, palettes and materials.
+    /// List steps, fractals, scenes, scripts, palettes and materials.
     List(list::Arguments),
     /// Explain a step, a fractal, a palette or a material.
     Explain(explain::Arguments),
