@@ -113,10 +113,13 @@ pub fn load(
     d: &mut Diagnostics,
 ) -> Option<Loaded> {
     let path = what.as_ref();
-    let Some((name, text)) = text_of(library, path, d) else { return None };
+    let (name, text) = text_of(library, path, d)?;
     let loaded = load_text(library, &name, &text, set, d)?;
     Some(if path.exists() { loaded } else { as_builtin(loaded) })
 }
+
+/// Names and texts of embedded files.
+type Texts = &'static [(&'static str, &'static str)];
 
 /// Name and text of a file, or of a built-in scene, fractal or script where there is no such file. Steps beside a file are read too.
 fn text_of(library: &mut Library, path: &Path, d: &mut Diagnostics) -> Option<(String, String)> {
@@ -129,7 +132,7 @@ fn text_of(library: &mut Library, path: &Path, d: &mut Diagnostics) -> Option<(S
         }
         return Some((what.to_string(), text));
     }
-    const BUILTIN: [(&[(&str, &str)], &str, &str); 3] = [
+    const BUILTIN: [(Texts, &str, &str); 3] = [
         (embedded::FRACTALS, "fractals", "ron"),
         (embedded::SCENES, "scenes", "ron"),
         (embedded::SCRIPTS, "scripts", "rhai"),

@@ -419,7 +419,7 @@ fn finished(
     files: Pictures,
     done: Result<Done, Error>,
 ) -> Result<(Done, Duration), Failure> {
-    let written = |(target, error): (Target, std::io::Error)| not_written(&target, &error);
+    let written = |failed: Box<(Target, std::io::Error)>| not_written(&failed.0, &failed.1);
     match done {
         Ok(done) => {
             let recipe = Recipe { backend: done.backend.clone(), job: job.clone() }.text();

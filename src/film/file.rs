@@ -316,11 +316,11 @@ impl Pictures {
     /// Gives all files their names, in order. Returns the time that it took.
     ///
     /// Errors: the first that fails, with its target.
-    pub fn finish(self, recipe: Option<&str>) -> Result<Duration, (Target, io::Error)> {
+    pub fn finish(self, recipe: Option<&str>) -> Result<Duration, Box<(Target, io::Error)>> {
         let mut took = Duration::ZERO;
         for file in self.0 {
             let target = file.target.clone();
-            took += file.finish(recipe).map_err(|error| (target, error))?;
+            took += file.finish(recipe).map_err(|error| Box::new((target, error)))?;
         }
         Ok(took)
     }

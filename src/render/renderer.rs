@@ -102,6 +102,9 @@ struct Part<C> {
 /// Columns of some results, of the numbers that a back end computes with.
 type Read<'r, 'a, N> = &'r [Vec<&'a [N]>];
 
+/// The results of each part, where it has some.
+type OfParts<'r, 'a, N> = Vec<Option<&'r [&'a [N]]>>;
+
 /// Adds the time of some work.
 pub(super) fn timed<T>(sum: &mut Duration, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
@@ -258,7 +261,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
         &self,
         parts: &[Part<B::Columns>],
         results: Read<'r, 'a, N>,
-    ) -> (Vec<Option<&'r [&'a [N]]>>, Read<'r, 'a, N>) {
+    ) -> (OfParts<'r, 'a, N>, Read<'r, 'a, N>) {
         let mut rest = results;
         let mut next = |part: &Part<B::Columns>| {
             part.data.as_ref().filter(|_| self.data.is_some())?;

@@ -33,6 +33,9 @@ struct Sum {
     shown: f64,
 }
 
+/// A pixel's place and its light.
+type Lit = ((u32, u32), [f32; 3]);
+
 /// How bright a sample looks: compressed, so that a bright spot counts as what it shows.
 fn brightness(radiance: [f64; 3]) -> f64 {
     let mean = (radiance[0] + radiance[1] + radiance[2]) / 3.0;
@@ -87,7 +90,7 @@ impl<B: Backend> Tracer<B> {
 
 /// Random numbers of a sample's points: Sobol's sequence, scrambled as Owen does, with dimensions of its own for each point.
 fn randoms(pixels: &[(u32, u32)], sample: u32, bounce: u32, seed: u32) -> Vec<Vec<f64>> {
-    let mut columns = vec![Vec::with_capacity(pixels.len()); Random::<usize>::WIDTH];
+    let mut columns: Vec<Vec<f64>> = (0..Random::<usize>::WIDTH).map(|_| Vec::with_capacity(pixels.len())).collect();
     for &(x, y) in pixels {
         let seed = mixed(x, y, seed);
         let first = sobol_burley::sample_4d(sample, 1 + 2 * bounce, seed);
@@ -129,7 +132,7 @@ impl<B: Backend> Renderer<'_, B> {
     }
 
     /// The light of pixels where beams found nothing.
-    fn empty_light(&self, pixels: &Pixels, stats: &mut Stats) -> Result<Vec<((u32, u32), [f32; 3])>, BackendError> {
+    fn empty_light(&self, pixels: &Pixels, stats: &mut Stats) -> Result<Vec<Lit>, BackendError> {
         let Some(background) = self.background().filter(|_| pixels.count > 0) else { return Ok(Vec::new()) };
         stats.rays += pixels.count as u64;
         let points = pixels.points(&[[0.5; 2]]);
@@ -146,7 +149,7 @@ impl<B: Backend> Renderer<'_, B> {
         tracer: &Tracer<B>,
         told: &mut dyn FnMut(usize) -> bool,
         stats: &mut Stats,
-    ) -> Result<Vec<((u32, u32), [f32; 3])>, BackendError> {
+    ) -> Result<Vec<Lit>, BackendError> {
         let places: Vec<(u32, u32)> = pixels.places().collect();
         let mut sums = vec![Sum::default(); places.len()];
         let (most, noise) = (tracer.samples(), tracer.settings.noise);

@@ -107,7 +107,7 @@ impl Irradiance {
         let mut function = Function::new("environment", vec![Port::new("direction", Type::V3)]);
         let direction = arena.input(0, Type::V3);
         function.output("radiance", radiance(&arena, environment, up, direction));
-        let mut columns = vec![Vec::with_capacity(BANDS * AROUND); 3];
+        let mut columns = [0, 1, 2].map(|_| Vec::with_capacity(BANDS * AROUND));
         for band in 0..BANDS {
             let z = (band as f64 + 0.5) / BANDS as f64 * 2.0 - 1.0;
             for step in 0..AROUND {

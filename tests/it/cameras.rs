@@ -304,7 +304,7 @@ fn short_cuts_hold_for_every_lens() {
         let (plain, _) = image(&ball, camera, size, |settings| settings.plain = true);
         let is_apart = |(a, b): &(&[u8], &[u8])| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > 8);
         let differ = quick.chunks(3).zip(plain.chunks(3)).filter(is_apart).count();
-        assert!(hits > 1000 && differ < 20, "{lens:?}: {differ} pixels differ, {hits} hits");
+        assert!(hits > 500 && differ < 20, "{lens:?}: {differ} pixels differ, {hits} hits");
     }
 }
 
@@ -328,7 +328,7 @@ fn back_ends_agree_on_every_lens() {
                     "--backend",
                     backend,
                 ];
-                line.extend(["--camera=0,-1.6,0", "--force", "-o", "ball.png"]);
+                line.extend(["--camera=0,-1.6,0", "-o", "ball.png"]);
                 line.extend(stereo);
                 success(&bulbfold(folder.path(), &line));
                 pictures.push(pixels(&folder.path().join("ball.png")));

@@ -4,6 +4,8 @@ use bulbfold::engine::{BackendChoice, Engine, Request};
 use bulbfold::render::PathTracing;
 use bulbfold::shade::Size;
 
+use crate::support::{bulbfold, folder_with, pixels, stderr, success};
+
 /// The radiance of a picture of some text, from the top left.
 fn radiance(text: &str, (width, height): (u32, u32), change: impl Fn(Request) -> Request) -> Vec<[f32; 3]> {
     let engine = Engine::new();
@@ -119,4 +121,25 @@ fn noise_falls_with_samples_and_the_seed_chooses_it() {
     let noise = difference(&few, &other);
     assert!(noise > 0.0);
     assert!(difference(&with(64, 0), &with(64, 1)) < noise / 8.0);
+}
+
+/// The same random numbers lead to the same paths: both back ends make the same picture but for rounding.
+#[test]
+fn back_ends_follow_the_same_paths() {
+    let folder = folder_with(&[]);
+    let render = |backend: &str| {
+        let out = format!("{backend}.png");
+        let arguments = ["render", "mandelbulb", "--size", "80x60", "--paths", "8", "-q", "--backend", backend, "-o", &out];
+        bulbfold(folder.path(), arguments)
+    };
+    success(&render("cpu"));
+    let on_gpu = render("gpu");
+    if !on_gpu.status.success() {
+        assert!(std::env::var("BULBFOLD_REQUIRE_GPU").is_err(), "{}", stderr(&on_gpu));
+        eprintln!("skipped: there is no GPU adapter");
+        return;
+    }
+    let [cpu, gpu] = ["cpu.png", "gpu.png"].map(|name| pixels(&folder.path().join(name)));
+    let off = cpu.iter().zip(&gpu).filter(|(a, b)| a.abs_diff(**b) > 2).count();
+    assert!(off * 500 <= cpu.len(), "{off} of {} bytes differ", cpu.len());
 }

@@ -35,8 +35,8 @@ pub(super) fn encode(picture: &Whole) -> io::Result<Vec<u8>> {
             channels.push(AnyChannel::new(Text::from(name.as_str()), FlatSamples::F32(column)));
         }
     }
-    let mut attributes = LayerAttributes::default();
-    attributes.software_name = Some(Text::from(concat!("Bulbfold ", env!("CARGO_PKG_VERSION"))));
+    let program = Text::from(concat!("Bulbfold ", env!("CARGO_PKG_VERSION")));
+    let mut attributes = LayerAttributes { software_name: Some(program), ..LayerAttributes::default() };
     attributes.other.insert(Text::from(ATTRIBUTE), AttributeValue::Text(Text::from(picture.comment)));
     if let Some(dpi) = picture.form.dpi {
         attributes.horizontal_density = Some(dpi as f32);

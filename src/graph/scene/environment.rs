@@ -86,11 +86,11 @@ impl Environment {
 /// Reads `environment: Gradient(...)`.
 pub(super) fn read_environment(reader: &mut Reader, value: &Value) -> Option<Environment> {
     let name = value.name().map(|name| name.text.clone());
-    if let (Some("Uniform"), ValueKind::Tuple { items, .. }) = (name.as_deref(), &value.kind) {
-        if let [colour] = &items[..] {
-            let colour = reader.vector(colour, 0.0, 1e6)?;
-            return Some(Environment::Gradient { ground: colour, horizon: colour, zenith: colour });
-        }
+    if let (Some("Uniform"), ValueKind::Tuple { items, .. }) = (name.as_deref(), &value.kind)
+        && let [colour] = &items[..]
+    {
+        let colour = reader.vector(colour, 0.0, 1e6)?;
+        return Some(Environment::Gradient { ground: colour, horizon: colour, zenith: colour });
     }
     let (Some(name @ ("Gradient" | "Daylight")), ValueKind::Struct { .. }) = (name.as_deref(), &value.kind) else {
         let message = format!("expected an environment, found {}", value.describe());
@@ -115,7 +115,7 @@ pub(super) fn read_environment(reader: &mut Reader, value: &Value) -> Option<Env
         }
         _ => {
             let ground = colour(reader, "ground", [0.10, 0.09, 0.08]);
-            let sun = fields.optional_value("sun").map_or(Some([0.5, -0.5, 0.7071]), |v| reader.direction(v));
+            let sun = fields.optional_value("sun").map_or(Some([0.5, -0.5, 0.7]), |v| reader.direction(v));
             let turbidity = number(reader, &mut fields, "turbidity", 3.0, (1.7, 10.0));
             ground.zip(sun).zip(turbidity).map(|((ground, sun), turbidity)| {
                 let length = sun.iter().map(|x| x * x).sum::<f64>().sqrt();
