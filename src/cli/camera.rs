@@ -190,7 +190,7 @@ pub fn flags(camera: &Camera, own: Option<Camera>) -> [String; 2] {
             format!("{} --fov {}", if is_other { " --lens perspective" } else { "" }, degrees(camera.fov))
         }
         Lens::Perspective { shift: [x, y] } => format!(" --fov {} --shift={x},{y}", degrees(camera.fov)),
-        Lens::Equirectangular { width } if width < 6.283 => {
+        Lens::Equirectangular { width } if width < std::f64::consts::TAU - 1e-3 => {
             format!(" --longitudes {} --fov {}", degrees(width), degrees(camera.fov))
         }
         Lens::Fisheye | Lens::Equirectangular { .. } => {

@@ -29,7 +29,7 @@ use super::session::{formula_files, talk};
 use super::{Failure, Outcome, Session, message, usage};
 
 /// Version of how pictures are made; what older programs made is rendered again.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Most bytes of a picture that is looked at.
 const MAX_PICTURE: u64 = 256 << 20;
 /// Folder of the pictures, beside the page.

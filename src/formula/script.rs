@@ -29,6 +29,8 @@ const MAX_TEXT: usize = 100_000;
 const MAX_ITEMS: usize = 10_000;
 /// Fields of one `#{ ... }`, with those inside.
 const MAX_FIELDS: usize = 1_000;
+/// Variables that a script may declare in all.
+const MAX_DECLARED: usize = 5000;
 /// Variables that a script, or one of its functions, may have at a time.
 const MAX_VARIABLES: usize = 1_000;
 /// Values beside variables.
@@ -96,6 +98,12 @@ impl ScriptEngine {
         let text = sources.text(id);
         if text.len() > 1 << 20 {
             return Err(Diagnostic::error("the script is larger than 1 MiB").label(sources.span_at(id, 1, 1), ""));
+        }
+        // The parser looks every name up among all variables before it, which takes long where there are many.
+        if text.matches("let ").nth(MAX_DECLARED).is_some() {
+            let message = format!("the script declares more than {MAX_DECLARED} variables");
+            let place = sources.span_at(id, 1, 1);
+            return Err(Diagnostic::error(message).label(place, "").help("keep values in arrays or maps"));
         }
         self.engine.compile_with_scope(&base_scope(), text).map_err(|error| parse_error(sources, id, &error))
     }

@@ -6,6 +6,9 @@ use crate::graph::Glow;
 use crate::kernel::records::Marched;
 use crate::march::closest;
 
+/// Length of the fog that is seen where nothing is, in bounding radii.
+const BEYOND: f64 = 4.0;
+
 /// The air along a ray.
 pub(super) struct Air<'a, 'g> {
     pub arena: &'g Arena,
@@ -38,8 +41,8 @@ impl<'g> Air<'_, 'g> {
             // Fog of the background's own colour does not show before it.
             (true, None) => is_hit.select(background.mix(surface, self.kept(self.seen.march.t)), background),
             (true, Some(colour)) => {
-                // Where nothing is, fog ends with what holds everything.
-                let far = self.seen.ray.t_far.max(arena.f(0.0));
+                // Where nothing is, fog goes on as far as for any ray: the ball that holds everything must not show.
+                let far = arena.f(BEYOND * self.lighting.bounding_radius);
                 let length = is_hit.select(self.seen.march.t, far);
                 arena.v3(colour).mix(is_hit.select(surface, background), self.kept(length))
             }

@@ -127,20 +127,25 @@ fn a_white_sky_lights_all_sides_by_one() {
     }
 }
 
+/// Whatever the rays are marched by, corners are looked at by the same estimate. Proofs end rays a little deeper in rough places than
+/// estimates do, which darkens them.
 #[test]
 fn corners_are_as_dark_with_every_estimate() {
-    let means = ["scalar", "gradient", "certified-ball"].map(|method| {
-        let text =
-            "(nodes: {\"bulb\": bulb_power(power: 8.0)}, output: \"bulb\", max_iterations: 6, escape_radius: 10.0,
-            light: {}, environment: Uniform((1, 1, 1)), look: (occlusion: 1.0, palette: [(1, 1, 1)]),
-            camera: (position: (1.55, -2.25, 1.25), fov: 30.0), estimate: (method: \"METHOD\", fudge: 0.5))";
-        let found = radiance(&text.replace("METHOD", method), (320, 240));
+    let estimates = [("scalar", 1.0), ("scalar", 0.5), ("scalar", 0.25), ("gradient", 0.5), ("certified-ball", 1.0)];
+    let means = estimates.map(|(method, fudge)| {
+        let text = format!(
+            "(nodes: {{\"bulb\": bulb_power(power: 8.0)}}, output: \"bulb\", max_iterations: 6, escape_radius: 10.0,
+            light: {{}}, environment: Uniform((1, 1, 1)), look: (occlusion: 1.0, palette: [(1, 1, 1)]),
+            camera: (position: (1.55, -2.25, 1.25), fov: 30.0), estimate: (method: \"{method}\", fudge: {fudge}))"
+        );
+        let found = radiance(&text, (320, 240));
         let shown: Vec<f64> = found.iter().filter(|rgb| rgb[0] != 1.0).map(|rgb| f64::from(rgb[0])).collect();
         assert!(shown.len() > 20_000);
         shown.iter().sum::<f64>() / shown.len() as f64
     });
     assert!(means[0] > 0.2 && means[0] < 0.9, "{means:?}");
-    means.iter().for_each(|mean| assert!((mean / means[0] - 1.0).abs() < 0.005, "{means:?}"));
+    means[..4].iter().for_each(|mean| assert!((mean / means[0] - 1.0).abs() < 0.005, "{means:?}"));
+    assert!((means[4] / means[0] - 1.0).abs() < 0.1, "{means:?}");
 }
 
 #[test]

@@ -115,7 +115,8 @@ fn picture(formula: &Formula, samples: u32, devices: [&Failing; 2]) -> (Vec<u8>,
 #[test]
 fn a_picture_goes_on_at_its_finished_rows() {
     for (name, samples) in [("mandelbulb", 2), ("menger", 1)] {
-        let formula = Formula::builtin(name).unwrap();
+        // With fewer dispatches a band, so that some of the first 200 are behind the first band.
+        let formula = Formula::with(name, &[("look.occlusion", "0.0")]).unwrap();
         let undisturbed = Failing::at(i64::MAX);
         let (whole, _) = picture(&formula, samples, [&undisturbed, &Failing::at(0)]);
         assert_eq!(whole.len(), (SIZE.width * SIZE.height * 3) as usize);

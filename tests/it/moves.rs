@@ -1,12 +1,15 @@
 //! The camera on the command line: moves, two eyes, contradictions, and views that are found.
 
+#[cfg(feature = "chart")]
 use bulbfold::check::Formula;
 use bulbfold::engine::{CameraChange, Engine, Request, Zoom};
 use bulbfold::shade::Size;
 use glam::DVec3;
 
 use crate::cameras::BALL;
-use crate::support::{bulbfold, folder_with, pixels, stderr, stdout, success};
+#[cfg(feature = "chart")]
+use crate::support::stdout;
+use crate::support::{bulbfold, folder_with, pixels, stderr, success};
 
 const SIZE: Size = Size { width: 80, height: 60 };
 

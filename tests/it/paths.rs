@@ -129,7 +129,8 @@ fn back_ends_follow_the_same_paths() {
     let folder = folder_with(&[]);
     let render = |backend: &str| {
         let out = format!("{backend}.png");
-        let arguments = ["render", "mandelbulb", "--size", "80x60", "--paths", "8", "-q", "--backend", backend, "-o", &out];
+        let arguments =
+            ["render", "mandelbulb", "--size", "80x60", "--paths", "8", "-q", "--backend", backend, "-o", &out];
         bulbfold(folder.path(), arguments)
     };
     success(&render("cpu"));
