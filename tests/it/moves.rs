@@ -73,6 +73,7 @@ fn an_anaglyph_is_red_of_the_left_and_the_rest_of_the_right() {
     let [anaglyph, left, right] = ["anaglyph", "left", "right"].map(|layout| {
         let line = [
             "render",
+            "--force",
             "ball.ron",
             "--size",
             "64x48",
