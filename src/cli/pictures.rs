@@ -232,7 +232,7 @@ const MOST_NAMES: u32 = 9999;
 
 /// The target of a picture: what was named, or the first of NAME.png, NAME_2.png, ... that is free or the same picture.
 fn settled(file: &Wanted, key: &str) -> Result<Target, Failure> {
-    let refused = match refuse_other(&file.target, key) {
+    let refused = match refuse_other(&file.target, key, !file.is_own) {
         Ok(()) => return Ok(file.target.clone()),
         Err(refused) if !file.is_own => return Err(refused),
         Err(refused) => refused,
@@ -243,21 +243,23 @@ fn settled(file: &Wanted, key: &str) -> Result<Target, Failure> {
         let mut name = stem.to_os_string();
         name.push(format!("_{number}.png"));
         let target = check_output(&path.with_file_name(name), None, Content::Bytes)?;
-        if refuse_other(&target, key).is_ok() {
+        if refuse_other(&target, key, false).is_ok() {
             return Ok(target);
         }
     }
     Err(refused)
 }
 
-/// Refuses to replace a file that is not the same picture. One that is empty holds nothing.
-fn refuse_other(target: &Target, key: &str) -> Outcome {
+/// Refuses to replace a file that is not the same picture. One that is empty holds nothing; another picture of this program is replaced
+/// where its name was given, as people expect who change a formula and render it again.
+fn refuse_other(target: &Target, key: &str, is_named: bool) -> Outcome {
     let path = target.path();
     if !target.is_taken() || std::fs::metadata(path).is_ok_and(|data| data.len() == 0) {
         return Ok(());
     }
     let what = match read_made(path) {
         Ok(made) if made.key.as_deref() == Some(key) => return Ok(()),
+        Ok(made) if made.key.is_some() && is_named => return Ok(()),
         Ok(made) if made.key.is_some() => "is another picture",
         Ok(_) => "does not say which picture it is",
         Err(_) => "is something else",

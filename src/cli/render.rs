@@ -422,7 +422,7 @@ fn finished(
     let written = |failed: Box<(Target, std::io::Error)>| not_written(&failed.0, &failed.1);
     match done {
         Ok(done) => {
-            let recipe = Recipe { backend: done.backend.clone(), job: job.clone() }.text();
+            let recipe = Recipe { backend: kind_of(&done.backend), job: job.clone() }.text();
             let encode = files.finish(Some(&recipe)).map_err(written)?;
             Ok((done, encode))
         }
@@ -431,5 +431,14 @@ fn finished(
             Err(cause.map_or_else(|| session.failed(Error::Sink(error)), written))
         }
         Err(error) => Err(session.failed(error)),
+    }
+}
+
+/// What of a back end's description decides its pictures: not whether the CPU interprets kernels or runs them as machine code.
+fn kind_of(backend: &str) -> String {
+    let parts: Vec<&str> = backend.split(", ").collect();
+    match parts[..] {
+        ["cpu", precision, ..] => format!("cpu, {precision}"),
+        _ => backend.to_string(),
     }
 }

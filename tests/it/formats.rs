@@ -302,7 +302,7 @@ fn display_p3_is_named_and_wider() {
 }
 
 #[test]
-fn another_picture_is_not_overwritten() {
+fn what_is_no_picture_is_not_overwritten() {
     let folder = folder_with(&[("ball.ron", BALL)]);
     for name in ["a.png", "a.exr", "a.jpg", "a.webp", "a.tif", "a.hdr"] {
         let file = folder.path().join(name);
@@ -314,14 +314,8 @@ fn another_picture_is_not_overwritten() {
         let before = std::fs::read(&file).unwrap();
         success(&run(&[]));
         assert!(std::fs::read(&file).unwrap() == before, "{name}: the same picture has other bytes");
-        let refused = run(&["--fov", "20"]);
-        assert!(
-            refused.status.code() == Some(2) && stderr(&refused).contains("another picture"),
-            "{}",
-            stderr(&refused)
-        );
-        assert!(std::fs::read(&file).unwrap() == before);
-        success(&run(&["--fov", "20", "--force"]));
+        // Another picture takes a name that was given.
+        success(&run(&["--fov", "20"]));
         assert!(std::fs::read(&file).unwrap() != before);
         std::fs::write(&file, "notes").unwrap();
         assert!(stderr(&run(&[])).contains("is something else"));
