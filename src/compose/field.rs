@@ -119,7 +119,7 @@ pub fn compose_estimator(composer: &Composer, choices: &[Choice], purpose: Purpo
     }
 }
 
-/// An estimator for surfaces of a painted look whose outputs are the numbers of [`Painter::tones`], as a [`Matter`] without constants.
+/// An estimator for surfaces of a painted look whose outputs are the numbers of `Painter::tones`, as a [`Matter`] without constants.
 pub fn compose_tones(composer: &Composer, choices: &[Choice]) -> ComposeResult<Estimator> {
     compose_showing(composer, choices, Purpose::Surface, Shows::Tones)
 }

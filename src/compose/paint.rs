@@ -175,7 +175,7 @@ impl<'a> OrbitBuilder<'a> {
         }
     }
 
-    /// What goes out of an orbit's end for [`Marks`](crate::graph::Marks), in the order of [`Marked::read`].
+    /// What goes out of an orbit's end for [`Marks`], in the order of [`Marked::read`].
     pub(super) fn finish_notes(&self, function: &mut Function, notes: &Notes<'a>, z: Expr<'a>, n: Expr<'a>) {
         let marks = self.carried.marks;
         if let Some(before) = notes.before {

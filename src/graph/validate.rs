@@ -354,7 +354,7 @@ impl ValidGraph {
     }
 
     /// The same graph with what its view shows of the numbers that gradients are placed by: for each layer that is used up evenly, in the order of
-    /// [`Look::paints`](super::Look::paints), the cuts of [`Spread::Quantile`](super::Spread::Quantile).
+    /// [`Look::paints`](super::Look::paints), the cuts of [`Spread::Quantile`].
     #[must_use]
     pub fn with_tones(mut self, tones: &[Vec<f64>]) -> ValidGraph {
         let mut tones = tones.iter();
