@@ -36,19 +36,6 @@ pub struct OutputArgs {
     force: bool,
 }
 
-/// Layers that may be asked for.
-const LAYERS: [Layer; 10] = [
-    Layer::Alpha,
-    Layer::Depth,
-    Layer::Position,
-    Layer::Normal,
-    Layer::Albedo,
-    Layer::Occlusion,
-    Layer::Trap,
-    Layer::Iterations,
-    Layer::Steps,
-    Layer::Confidence,
-];
 /// Those of an EXR file where none is.
 const USUAL: [Layer; 4] = [Layer::Alpha, Layer::Depth, Layer::Normal, Layer::Albedo];
 
@@ -66,10 +53,10 @@ fn parse_dpi(text: &str) -> Result<f64, String> {
 }
 
 fn parse_layer(text: &str) -> Result<Option<Layer>, String> {
-    let names = || LAYERS.map(Layer::name);
-    match LAYERS.into_iter().find(|layer| layer.name() == text) {
+    let asked = || Layer::ALL.into_iter().filter(|layer| layer.is_besides());
+    match asked().find(|layer| layer.name() == text) {
         None if text == "none" => Ok(None),
-        None => Err(format!("choose some of: {}, none", names().join(", "))),
+        None => Err(format!("choose some of: {}, none", asked().map(Layer::name).collect::<Vec<_>>().join(", "))),
         known => Ok(known),
     }
 }

@@ -55,6 +55,11 @@ impl Layer {
         Layer::Steps,
         Layer::Confidence,
     ];
+    /// Whether it stands beside a picture's colours, so that it can be asked for by name.
+    pub fn is_besides(self) -> bool {
+        !matches!(self, Layer::Srgb | Layer::Radiance | Layer::Cutout)
+    }
+
     /// The depth of a pixel in which nothing was hit.
     pub const NOWHERE: f64 = 1e10;
 

@@ -65,13 +65,17 @@ fn unknown_override(path: &str, span: Span, params: &[String]) -> Diagnostic {
     }
 }
 
+/// A file's value with some of its values changed, and those of its parameters.
+pub fn patched(value: &Value, overrides: &[Override], d: &mut Diagnostics) -> (Value, HashMap<String, Value>) {
+    let (mut patched, mut params) = (value.clone(), HashMap::new());
+    for change in overrides {
+        apply_override(&mut patched, change, &mut params, d);
+    }
+    (patched, params)
+}
+
 /// Puts an override into the value tree, or into `params` where it names a fractal's parameter.
-pub(super) fn apply_override(
-    value: &mut Value,
-    change: &Override,
-    params: &mut HashMap<String, Value>,
-    d: &mut Diagnostics,
-) {
+fn apply_override(value: &mut Value, change: &Override, params: &mut HashMap<String, Value>, d: &mut Diagnostics) {
     let root = match &mut value.kind {
         ValueKind::Struct { fields, .. } => fields,
         _ => return, // told of when the graph is read

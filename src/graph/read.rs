@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use rhai::Scope;
 
 use super::objects::Imports;
-use super::overrides::{Override, apply_override};
+use super::overrides::{Override, patched};
 use super::presets::read_presets;
 use super::scene::read_scene;
 use super::settings::{Constant, EndShape, IterationLimit, NO_ESCAPE, OrbitSettings};
@@ -61,15 +61,6 @@ fn read_once(
         return None;
     }
     validate(library, graph, d)
-}
-
-/// A file's value with some of its values changed, and those of its parameters.
-pub fn patched(value: &Value, overrides: &[Override], d: &mut Diagnostics) -> (Value, HashMap<String, Value>) {
-    let (mut patched, mut params) = (value.clone(), HashMap::new());
-    for change in overrides {
-        apply_override(&mut patched, change, &mut params, d);
-    }
-    (patched, params)
 }
 
 /// The state of reading one file.

@@ -452,7 +452,6 @@ mod tests {
     use super::run_script;
     use crate::diag::Diagnostics;
     use crate::formula::library::Library;
-    use crate::graph::Imports;
     use crate::graph::{NodeKind, ValidGraph, read};
 
     fn load(text: &str) -> Result<ValidGraph, String> {
@@ -460,7 +459,7 @@ mod tests {
         let id = library.sources.add("test.rhai", text);
         let mut d = Diagnostics::default();
         let graph = run_script(&library, id, &[], &mut d)
-            .and_then(|value| read(&library, &value, "test", (&[], &Imports::new()), &mut d));
+            .and_then(|value| read(&library, &value, "test", (&[], &Default::default()), &mut d));
         graph.ok_or_else(|| d.render(&library.sources, false))
     }
 

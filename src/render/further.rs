@@ -70,8 +70,10 @@ impl Further<'_> {
 
     /// A march of the picture's rays that looks how closely they pass.
     fn passing(&self, passes: &mut Passes<Kernel>) -> Result<(), Diagnostic> {
-        let estimator = compose_estimator(self.composer, &self.plan.choices, Purpose::March)?;
-        let passing = march::compose_passing_march(self.composer.arena, estimator, self.march);
+        // Proofs do not say how far the set is.
+        let plan = march::shadow_plan(self.plan);
+        let estimator = compose_estimator(self.composer, &plan.choices, Purpose::March)?;
+        let passing = march::compose_passing_march(self.composer.arena, estimator, &self.march_of(&plan));
         passes.push(Role::PassingMarch, [Slot::Rays], Slot::Passing, Kernel::March(passing));
         Ok(())
     }

@@ -126,6 +126,10 @@ impl<B: Backend> Renderer<'_, B> {
             }
             Ok(())
         })?;
+        // Samples that were left out when the render was stopped are no picture.
+        if meter.is_stopped() {
+            return Err(Halt::Stopped);
+        }
         let srgb = self.developed(&light).map_err(Halt::Failed)?;
         let radiance = if self.keeps_radiance { light.into_flattened() } else { Vec::new() };
         Ok(Rows { srgb, radiance, ..Rows::default() })

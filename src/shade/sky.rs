@@ -12,9 +12,8 @@ pub fn radiance<'g>(arena: &'g Arena, environment: &Environment, up: [f64; 3], d
     let zero = arena.f(0.0);
     match *environment {
         Environment::Dome { sky, sun } => {
-            let above = [0, 1, 2].map(|i| 0.6 * sky[i] + 0.03 * sun[i]);
-            let slope = [0, 1, 2].map(|i| 0.6 * sky[i] - 0.045 * sun[i]);
-            (arena.v3(above) + arena.v3(slope) * height).max(zero)
+            let [mean, slope] = dome(sky, sun);
+            arena.v3(mean) + arena.v3(slope) * height
         }
         Environment::Gradient { ground, horizon, zenith } => {
             let slope = |to: [f64; 3]| arena.v3([0, 1, 2].map(|i| to[i] - horizon[i]));
@@ -29,6 +28,12 @@ pub fn radiance<'g>(arena: &'g Arena, environment: &Environment, up: [f64; 3], d
             arena.v3(ground).mix(sky, above)
         }
     }
+}
+
+/// Radiance of a dome at the horizon, and what it grows by straight up; straight down it is not below 0.
+fn dome(sky: [f64; 3], sun: [f64; 3]) -> [[f64; 3]; 2] {
+    let of = |of_sky: f64, of_sun: f64| [0, 1, 2].map(|i| of_sky * sky[i] + of_sun * sun[i]);
+    [of(0.6, 0.03), of(0.6, -0.045)]
 }
 
 /// Coefficients of Perez' formula for the luminance Y and the chromaticities x and y: slope by turbidity, and constant.
@@ -66,9 +71,8 @@ fn daylight<'g>(
     let angle = away.acos();
     let value = |k: usize| {
         let [a, b, c, d, e] = PEREZ[k].map(|[slope, constant]| slope * t + constant);
-        let (sun_cos, sun_sq) = (sun_angle.cos(), sun_angle.cos().powi(2));
+        let sun_sq = sun_angle.cos().powi(2);
         let there = (1.0 + a * b.exp()) * (1.0 + c * (d * sun_angle).exp() + e * sun_sq);
-        let _ = sun_cos;
         let by_height = ((b / cosine).exp() * a) + 1.0;
         let by_sun = (angle * d).exp() * c + (away * away * e) + 1.0;
         by_height * by_sun * (zenith[k] / there)
@@ -103,6 +107,14 @@ impl Irradiance {
     ///
     /// Errors: those of the CPU back end.
     pub fn new(environment: &Environment, up: [f64; 3]) -> Result<Irradiance, BackendError> {
+        // Of what grows evenly with height two thirds of the slope are left (the second degree's share), and no sum is needed.
+        if let Environment::Dome { sky, sun } = *environment {
+            let [mean, slope] = dome(sky, sun);
+            let along = up.map(|part| slope.map(|slope| slope * part * 2.0 / 3.0));
+            let mut coefficients = [[0.0; 3]; 9];
+            (coefficients[0], coefficients[1], coefficients[2], coefficients[3]) = (mean, along[0], along[1], along[2]);
+            return Ok(Irradiance(coefficients));
+        }
         let arena = Arena::default();
         let mut function = Function::new("environment", vec![Port::new("direction", Type::V3)]);
         let direction = arena.input(0, Type::V3);
@@ -159,6 +171,18 @@ mod tests {
         let Irradiance(found) = Irradiance::new(&white, [0.0, 0.0, 1.0]).expect("the CPU computes it");
         assert!((found[0][0] - 1.0).abs() < 1e-12);
         assert!(found[1..].iter().flatten().all(|x| x.abs() < 1e-3), "{found:?}");
+    }
+
+    #[test]
+    fn a_dome_lights_as_the_sum_over_its_directions_says() {
+        let (sky, sun) = ([0.4, 0.5, 0.8], [2.0, 1.8, 1.5]);
+        let [mean, slope] = super::dome(sky, sun);
+        let at = |height: f64| [0, 1, 2].map(|i| mean[i] + height * slope[i]);
+        let same = Environment::Gradient { ground: at(-1.0), horizon: mean, zenith: at(1.0) };
+        let up = [0.0, 0.0, 1.0];
+        let [Irradiance(a), Irradiance(b)] =
+            [Environment::Dome { sky, sun }, same].map(|sky| Irradiance::new(&sky, up).expect("the CPU computes it"));
+        a.iter().flatten().zip(b.iter().flatten()).for_each(|(a, b)| assert!((a - b).abs() < 1e-3, "{a} {b}"));
     }
 
     #[test]

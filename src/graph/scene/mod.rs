@@ -92,7 +92,7 @@ impl Scene {
         self.lights.iter().find(|light| matches!(light.kind, LightKind::Sun { .. }))
     }
 
-    /// The scene seen from elsewhere; what hangs on the view of the file stays where it was.
+    /// The scene seen from elsewhere; lights of the file's own view stay where they were.
     pub fn move_camera(&mut self, camera: Camera) {
         self.home = self.home.or(self.camera);
         self.camera = Some(camera);
