@@ -249,11 +249,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
     /// The columns that are kept besides colours, of the parts that have some.
     fn data_of<'p>(&'p self, parts: &'p [Part<B::Columns>]) -> impl Iterator<Item = Wanted<'p, B::Columns>> {
         let kept = self.data.as_ref().map_or(&[][..], |kept| &kept.columns[..]);
-        parts
-            .iter()
-            .filter_map(|part| part.data.as_ref())
-            .map(move |data| (data, kept))
-            .filter(|(_, kept)| !kept.is_empty())
+        parts.iter().filter(|_| !kept.is_empty()).filter_map(move |part| Some((part.data.as_ref()?, kept)))
     }
 
     /// Cuts results into those of the columns that are kept besides colours, one for each part, and the rest.

@@ -192,6 +192,16 @@ fn messages_name_the_light_and_what_is_there() {
     }
 }
 
+/// A sun that nothing shows is told.
+#[test]
+fn a_look_whose_sun_is_replaced_is_told() {
+    let text = floor("light: {\"a\": Point(at: (0, 0, 1))}").replace("look: (", "look: (sun: (1, 1, 1), ");
+    let folder = folder_with(&[("scene.ron", &text)]);
+    let output = bulbfold(folder.path(), ["render", "scene.ron", "--size", "8x8", "-q", "-o", "a.png"]);
+    success(&output);
+    assert!(crate::support::stderr(&output).contains("`look.sun` has no effect beside `light`"));
+}
+
 #[test]
 fn a_part_of_a_light_can_be_set() {
     let text = floor(

@@ -140,6 +140,14 @@ pub(super) fn read_scene(reader: &mut Reader, fields: &mut Fields) -> Scene {
     scene.plane = plane.and_then(|v| read_plane(reader, v));
     if let Some(value) = light {
         scene.lights = read_lights(reader, value);
+        for name in
+            ["sun", "sun_direction", "shadows"].into_iter().filter(|name| look.is_some_and(|v| has_field(v, name)))
+        {
+            let message = format!("`look.{name}` has no effect beside `light`");
+            reader
+                .d
+                .push(Diagnostic::warning(message).label(value.span, "these are all lights").help("drop one of them"));
+        }
         scene.environment = Environment::Dome { sky: scene.look.sky, sun: [0.0; 3] };
     }
     if let Some(found) = environment.and_then(|v| read_environment(reader, v)) {
