@@ -109,12 +109,15 @@ impl Reader<'_> {
             let span = value.span;
             self.nodes[i] = kind.map(|kind| Node { name: name.text.clone(), span, kind });
         }
+        let has_objects = !objects.is_empty();
         let objects = self.read_objects(nodes.len(), &objects, imports);
         let output = match fields.optional_value("output") {
             Some(value) => self.wire(value),
             None if !objects.shown.is_empty() => {
                 Some(self.added("objects", fields.span(), NodeKind::Union(objects.shown.clone())))
             }
+            // What is wrong with each of them has been told.
+            None if has_objects => None,
             None => self.default_output(&nodes, fields.span()),
         };
         let output = self.clipped(output, &mut fields);

@@ -81,6 +81,7 @@ fn what_is_wrong_with_an_object_is_told_with_its_place() {
     ] {
         let output = bulbfold(folder.path(), ["render", file, "--size", "8x8"]);
         assert_eq!(output.status.code(), Some(2), "{file}: {}", stderr(&output));
+        assert!(!stderr(&output).contains("which node is drawn"), "{file}: {}", stderr(&output));
         words.iter().for_each(|word| assert!(stderr(&output).contains(word), "{file}: {}", stderr(&output)));
     }
 }
