@@ -203,6 +203,15 @@ impl Calibration {
         without_measuring(subject, Origin::Rules, (Budget::default(), CALIBRATED_ROWS), Instant::now())
     }
 
+    /// How many times as large as the budget the worst error of the choice is: 1 and less keeps it. 0 where nothing was measured.
+    pub fn excess(&self) -> f64 {
+        let worst = |row: &Row| {
+            let shares = (row.missed.share() / self.budget.missed).max(row.early.share() / self.budget.early);
+            shares.max(row.error / self.budget.error)
+        };
+        self.evidence.iter().find(|row| row.is_chosen()).map_or(0.0, worst)
+    }
+
     /// What a picture will cost, in a line, where the choice takes many estimates a ray.
     pub fn warns_of_price(&self) -> Option<String> {
         let chosen = self.evidence.iter().find(|row| row.is_chosen())?;

@@ -9,6 +9,7 @@ pub mod depth;
 mod drawing;
 mod font;
 mod labels;
+pub mod path;
 mod raster;
 mod scale;
 pub mod step_size;

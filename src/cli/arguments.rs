@@ -11,6 +11,7 @@ use bulbfold::math::Precision;
 use bulbfold::shade::Size;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use clap_complete::engine::ArgValueCompleter;
 
 /// Where kernels run.
 #[derive(Clone, Copy, PartialEq, Eq, Debug, ValueEnum)]
@@ -273,6 +274,7 @@ fn parse_difference_step(text: &str) -> Result<DifferenceStep, String> {
 #[derive(Args, Clone, Debug)]
 pub struct FormulaArgs {
     /// Formula file (.ron), graph script (.rhai) or name of a built-in fractal
+    #[arg(add = ArgValueCompleter::new(super::shell::formulas))]
     pub file: PathBuf,
     #[command(flatten)]
     changes: ChangeArgs,
@@ -294,10 +296,10 @@ impl FormulaArgs {
 #[derive(Args, Clone, Default, Debug)]
 pub struct ChangeArgs {
     /// Take the values of one of the file's presets; `bulbfold explain NAME` lists them
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", add = ArgValueCompleter::new(super::shell::presets))]
     preset: Option<String>,
     /// Replace a parameter, a node's, or any part of the file, such as power=4, bulb.power=4 or look.fog=0.3
-    #[arg(long, value_name = "PATH=VALUE", value_parser = parse_set)]
+    #[arg(long, value_name = "PATH=VALUE", value_parser = parse_set, add = ArgValueCompleter::new(super::shell::parameters))]
     set: Vec<(String, String)>,
 }
 
@@ -403,17 +405,61 @@ pub fn parse_vector(text: &str) -> Result<[f64; 3], String> {
     <[f64; 3]>::try_from(parts).map_err(|_| "write three numbers such as 1,0.5,-2".to_string())
 }
 
-/// Reads `WxH`.
+/// Sizes with names.
+const SIZES: [(&str, [u32; 2]); 9] = [
+    ("hd", [1280, 720]),
+    ("full-hd", [1920, 1080]),
+    ("2k", [2560, 1440]),
+    ("4k", [3840, 2160]),
+    ("8k", [7680, 4320]),
+    ("square", [1080, 1080]),
+    ("portrait", [1080, 1350]),
+    ("story", [1080, 1920]),
+    ("cinema", [2048, 858]),
+];
+/// Sheets of paper, in millimetres (ISO 216).
+const SHEETS: [(&str, [f64; 2]); 7] = [
+    ("a0", [841.0, 1189.0]),
+    ("a1", [594.0, 841.0]),
+    ("a2", [420.0, 594.0]),
+    ("a3", [297.0, 420.0]),
+    ("a4", [210.0, 297.0]),
+    ("a5", [148.0, 210.0]),
+    ("a6", [105.0, 148.0]),
+];
+
+/// Reads the name of a size, or a sheet with its resolution: `4k`, `a4@300dpi`, `a3@150dpi-landscape`.
+fn named_size(text: &str) -> Option<[u32; 2]> {
+    let text = text.trim().to_ascii_lowercase();
+    if let Some((_, size)) = SIZES.iter().find(|(name, _)| *name == text) {
+        return Some(*size);
+    }
+    let (upright, is_wide) = text.strip_suffix("-landscape").map_or((&text[..], false), |rest| (rest, true));
+    let (sheet, dpi) = upright.split_once('@')?;
+    let dpi: f64 = dpi.strip_suffix("dpi")?.parse().ok().filter(|dpi| (1.0..=2400.0).contains(dpi))?;
+    let (_, edges) = SHEETS.iter().find(|(name, _)| *name == sheet)?;
+    let [width, height] = edges.map(|millimetres| (millimetres / 25.4 * dpi).round() as u32);
+    Some(if is_wide { [height, width] } else { [width, height] })
+}
+
+/// Reads `WxH`, or a size by its name.
 pub fn parse_size(text: &str) -> Result<Size, String> {
-    let expected = "write columns x rows such as 1280x720";
-    let (width, height) = text.split_once(['x', 'X']).ok_or(expected)?;
-    let edge = |part: &str| part.trim().parse::<u32>().map_err(|_| expected.to_string());
-    let size = Size { width: edge(width)?, height: edge(height)? };
+    if let Some([width, height]) = named_size(text) {
+        return within(Size { width, height });
+    }
+    let names = SIZES.map(|(name, _)| name).join(", ");
+    let expected = format!("write columns x rows such as 1280x720, a name ({names}), or a sheet such as a4@300dpi");
+    let (width, height) = text.split_once(['x', 'X']).ok_or(expected.clone())?;
+    let edge = |part: &str| part.trim().parse::<u32>().map_err(|_| expected.clone());
+    within(Size { width: edge(width)?, height: edge(height)? })
+}
+
+/// A size that pictures may have.
+fn within(size: Size) -> Result<Size, String> {
     let legal = 1..=MOST_EDGE;
-    if legal.contains(&size.width) && legal.contains(&size.height) {
-        Ok(size)
-    } else {
-        Err(format!("columns and rows must be from 1 to {MOST_EDGE}"))
+    match legal.contains(&size.width) && legal.contains(&size.height) {
+        true => Ok(size),
+        false => Err(format!("columns and rows must be from 1 to {MOST_EDGE}")),
     }
 }
 
@@ -423,8 +469,12 @@ mod tests {
 
     #[test]
     fn sizes_are_checked() {
-        assert!(parse_size("64x48").is_ok_and(|s| s.width == 64 && s.height == 48));
-        for wrong in ["0x1", "16385x1", "64", "axb", "-1x4", "99999999999x1", ""] {
+        for (text, width, height) in
+            [("64x48", 64, 48), ("4k", 3840, 2160), ("a4@300dpi", 2480, 3508), ("a4@300dpi-landscape", 3508, 2480)]
+        {
+            assert!(parse_size(text).is_ok_and(|s| s.width == width && s.height == height), "{text}");
+        }
+        for wrong in ["0x1", "16385x1", "64", "axb", "-1x4", "99999999999x1", "", "5k", "a4@x", "a0@2400dpi"] {
             assert!(parse_size(wrong).is_err(), "{wrong}");
         }
     }

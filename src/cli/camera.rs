@@ -7,7 +7,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::arguments::{parse_fov, parse_number, parse_pair, parse_positive, parse_vector};
-use super::render::DEFAULT_SIZE;
+use super::picture_args::DEFAULT_SIZE;
 
 /// What replaces parts of the file's camera, and moves it.
 #[derive(Args, Clone, Copy, Default, Debug)]

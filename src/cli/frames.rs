@@ -3,23 +3,13 @@
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
-use bulbfold::calibrate::cache::hash;
 use bulbfold::files::Target;
-use bulbfold::film::{Format, MadePng, read_png};
-use bulbfold::graph::ValidGraph;
-use bulbfold::render::RenderSettings;
-use rayon::prelude::*;
+use bulbfold::film::{Format, read_made, read_png};
+use bulbfold::shade::Size;
 
 use super::output::{Content, cannot_write, check_output};
-use super::picture_key::graph_text;
-use super::render::Arguments;
-use super::session::talk;
+use super::picture_args::PictureArgs;
 use super::{Failure, Outcome, Session, usage};
-
-/// Counts changes of what frames show; those that older programs made are made anew.
-const VERSION: u32 = 4;
-/// Frames that are named one by one.
-const MAX_NAMED: usize = 20;
 
 /// Where frames go.
 pub enum Names {
@@ -38,8 +28,8 @@ pub struct Pattern {
 
 impl Names {
     /// The names that were asked for, else the formula's with a number; refuses what could not be written.
-    pub fn new(arguments: &Arguments) -> Result<Names, Failure> {
-        let Some(given) = arguments.output.only("a sweep")? else {
+    pub fn new(arguments: &PictureArgs, what: &str) -> Result<Names, Failure> {
+        let Some(given) = arguments.output.only(what)? else {
             let mut before = arguments.formula.file.file_stem().unwrap_or_default().to_os_string();
             before.push("_");
             return Ok(Names::Numbered(Pattern { before, after: ".png".into(), digits: 4 }));
@@ -57,6 +47,36 @@ impl Names {
                 let text = format!("the output {} has no place for the number of a frame", given.display());
                 Err(usage(text, "write for example `-o frame_%04d.png`"))
             }
+        }
+    }
+
+    /// Frames in a folder of their own.
+    pub fn inside(folder: &Path) -> Names {
+        let before = folder.join("frame_").into_os_string();
+        Names::Numbered(Pattern { before, after: ".png".into(), digits: 5 })
+    }
+
+    /// The film's manifest, beside its frames.
+    pub fn manifest(&self) -> PathBuf {
+        let Names::Numbered(pattern) = self else { return PathBuf::from("manifest.json") };
+        let mut name = pattern.before.clone();
+        name.push("manifest.json");
+        let path = PathBuf::from(name);
+        // Frames in a folder of their own have a plain name.
+        match path.file_name().is_some_and(|name| name == "frame_manifest.json") {
+            true => path.with_file_name("manifest.json"),
+            false => path,
+        }
+    }
+
+    /// Refuses to go on with what went into a pipe.
+    pub fn refuse_stream(&self) -> Outcome {
+        match self {
+            Names::Numbered(_) => Ok(()),
+            Names::One(_) => Err(usage(
+                "what went into a pipe cannot be resumed",
+                "drop --resume, or write files: -o frame_%04d.png",
+            )),
         }
     }
 
@@ -129,53 +149,23 @@ fn split_once(text: &OsStr, at: char) -> Option<(OsString, OsString)> {
     text.to_str()?.split_once(at).map(|(before, after)| (before.into(), after.into()))
 }
 
-/// The key of a frame: everything that its pixels follow from but the back end, which all give the same picture.
-pub fn frame_key(session: &Session, arguments: &Arguments, settings: &RenderSettings, graph: &ValidGraph) -> String {
-    let estimate = &arguments.estimate;
-    let text = format!(
-        "{} {VERSION} {settings:?} {:?} {:?}\n{}",
-        env!("CARGO_PKG_VERSION"),
-        estimate.calibrate,
-        estimate.error_budget,
-        graph_text(&session.library.sources, graph)
-    );
-    format!("{:032x}", hash(text.as_bytes()))
-}
-
-/// The frames that have to be rendered: those whose file is missing, broken, of another size or of other settings. The last
-/// three are named on stderr.
-pub fn frames_to_do(names: &Names, keys: &[String], settings: &RenderSettings) -> Result<Vec<u32>, Failure> {
-    let Names::Numbered(pattern) = names else {
-        return Err(usage(
-            "what went into a pipe cannot be resumed",
-            "drop --resume, or write files: -o frame_%04d.png",
-        ));
-    };
-    let why_not = |path: &Path, key: &str| match read_png(path, settings.size) {
-        Ok(MadePng { key: Some(own), .. }) if own == key => None,
-        Ok(MadePng { key: Some(_), .. }) => Some("it is of other settings".to_string()),
-        Ok(MadePng { key: None, .. }) => Some("it does not say which settings made it".to_string()),
-        Err(why) => Some(why),
-    };
-    let judged: Vec<Option<(u32, Option<String>)>> = (0..keys.len() as u32)
-        .into_par_iter()
-        .map(|frame| {
-            let path = pattern.path(frame);
-            match std::fs::symlink_metadata(&path) {
-                Err(_) => Some((frame, None)),
-                Ok(_) => why_not(&path, &keys[frame as usize]).map(|why| (frame, Some(why))),
-            }
-        })
-        .collect();
-    let todo: Vec<(u32, Option<String>)> = judged.into_iter().flatten().collect();
-    let named: Vec<_> = todo.iter().filter_map(|(frame, why)| Some((frame, why.as_ref()?))).collect();
-    for (frame, why) in named.iter().take(MAX_NAMED) {
-        talk(&format!("{} is rendered again: {why}", pattern.path(**frame).display()));
+/// Why a frame has to be rendered: nothing where its file is whole, of this size and of this key; the inner text where there is a file.
+#[expect(clippy::option_option)]
+pub fn why_not(target: &Target, key: &str, size: Size) -> Option<Option<String>> {
+    let path = target.path();
+    if target.is_stream() || std::fs::symlink_metadata(path).is_err() {
+        return Some(None);
     }
-    if named.len() > MAX_NAMED {
-        talk(&format!("{} more frames are rendered again", named.len() - MAX_NAMED));
+    let own = match Format::of(path) {
+        Some(Format::Png) => read_png(path, size).map(|made| made.key),
+        _ => read_made(path).map(|made| made.key),
+    };
+    match own {
+        Ok(Some(own)) if own == key => None,
+        Ok(Some(_)) => Some(Some("it is of other settings".to_string())),
+        Ok(None) => Some(Some("it does not say which settings made it".to_string())),
+        Err(why) => Some(Some(why)),
     }
-    Ok(todo.into_iter().map(|(frame, _)| frame).collect())
 }
 
 /// Refuses numbers on stdout beside pictures there.

@@ -5,6 +5,7 @@
 //! usage or input. A reader of stdout that goes away ends a command quietly.
 
 mod again;
+mod animate;
 mod arguments;
 mod audit;
 mod backend;
@@ -23,8 +24,12 @@ mod docs;
 mod doctor;
 #[cfg(feature = "gpu")]
 mod driver;
+mod encode;
 mod explain;
 mod export;
+mod film;
+mod flicker;
+mod fly;
 mod frames;
 #[cfg(feature = "chart")]
 mod gallery;
@@ -35,12 +40,17 @@ mod kept;
 mod list;
 #[cfg(feature = "chart")]
 mod look;
+mod manifest;
 mod matter;
 mod matter_pages;
+mod moments;
 mod new;
 mod notation;
 mod output;
 mod page;
+#[cfg(feature = "chart")]
+mod path;
+mod picture_args;
 mod picture_key;
 mod pictures;
 mod points;
@@ -50,6 +60,7 @@ mod progress;
 mod range;
 mod render;
 mod session;
+mod shell;
 mod show;
 mod stats;
 mod sweep;
@@ -74,7 +85,7 @@ pub use session::Session;
 #[command(name = "bulbfold", version, max_term_width = 100, after_help = EXAMPLES)]
 struct Cli {
     /// Also read the steps (*.rhai) of this folder; may be given several times.
-    #[arg(long = "steps", value_name = "DIR", global = true)]
+    #[arg(long = "steps", value_name = "DIR", global = true, env = "BULBFOLD_STEPS", value_delimiter = DELIMITER)]
     step_folders: Vec<PathBuf>,
     /// Also read steps beside a formula that belong to another user; they are scripts.
     #[arg(long, global = true)]
@@ -82,6 +93,9 @@ struct Cli {
     #[command(subcommand)]
     command: Command,
 }
+
+/// What stands between the folders of a list of them.
+const DELIMITER: char = if cfg!(windows) { ';' } else { ':' };
 
 const EXAMPLES: &str = "\
 Examples:
@@ -95,6 +109,8 @@ Exit codes: 0 done, 1 the work failed, 2 bad usage or input.";
 enum Command {
     /// Render a picture.
     Render(Box<render::Arguments>),
+    /// Render a film: numbered pictures, or one file.
+    Animate(Box<animate::Arguments>),
     /// Print a stage of the compiler: graph, expressions, WGSL or CPU tape.
     Compile(compile::Arguments),
     /// Run the tests in formula and step files, on every back end.
@@ -112,6 +128,11 @@ enum Command {
     /// Draw what every distance estimate costs and how right it is.
     #[cfg(feature = "chart")]
     Chart(chart::Arguments),
+    /// Find a flight through a formula, and write it as a file.
+    Fly(fly::Arguments),
+    /// Draw the way of a film's camera, and write it for other programs: glTF, USD, JSON.
+    #[cfg(feature = "chart")]
+    Path(path::Arguments),
     /// Find views that are worth it, and show them on a contact sheet.
     #[cfg(feature = "chart")]
     Look(look::Arguments),
@@ -132,6 +153,10 @@ enum Command {
     /// Render all fractals to an HTML page with search, or to thumbnails.
     #[cfg(feature = "chart")]
     Gallery(gallery::Arguments),
+    /// Print a shell's script for completions: bash, zsh or fish.
+    Completions(shell::CompletionArgs),
+    /// Write manual pages.
+    Man(shell::ManArgs),
     /// Check this machine's back ends against each other.
     Doctor(doctor::Arguments),
     /// Write the reference of steps, fractals, materials, palettes and operators.
@@ -182,6 +207,7 @@ pub fn usage(text: impl AsRef<str>, help: &str) -> Failure {
 
 /// Runs the program.
 pub fn main() -> ExitCode {
+    clap_complete::CompleteEnv::with_factory(Cli::command).var(shell::ASKS).complete();
     let matches = Cli::command().get_matches();
     let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     if let (Command::Render(arguments), Some((_, given))) = (&mut cli.command, matches.subcommand()) {
@@ -207,6 +233,7 @@ fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
     let session = || Session::new(&cli.step_folders, cli.trust);
     match &mut cli.command {
         Command::Render(arguments) => render::run(arguments, &mut session()?, out),
+        Command::Animate(arguments) => animate::run(arguments, &mut session()?, out),
         Command::Compile(arguments) => compile::run(arguments, &mut session()?, out),
         Command::Test(arguments) => test::run(arguments, &mut session()?, out),
         Command::Check(arguments) => check::run(arguments, &mut session()?, out),
@@ -216,6 +243,9 @@ fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
         Command::Probe(arguments) => probe::run(arguments, &mut session()?, out),
         #[cfg(feature = "chart")]
         Command::Chart(arguments) => chart::run(arguments, &mut session()?),
+        Command::Fly(arguments) => fly::run(arguments, &mut session()?),
+        #[cfg(feature = "chart")]
+        Command::Path(arguments) => path::run(arguments, &mut session()?, out),
         #[cfg(feature = "chart")]
         Command::Look(arguments) => look::run(arguments, &mut session()?, out),
         Command::List(arguments) => list::run(arguments, &mut session()?, out),
@@ -227,6 +257,8 @@ fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
         Command::Audit(arguments) => audit::run(arguments, &mut session()?, out),
         #[cfg(feature = "chart")]
         Command::Gallery(arguments) => gallery::run(arguments, &mut session()?, out),
+        Command::Completions(arguments) => shell::completions(arguments, out),
+        Command::Man(arguments) => shell::man(arguments, Cli::command()),
         Command::Doctor(arguments) => doctor::run(arguments, &mut session()?, out),
         Command::Docs(arguments) => docs::run(arguments, &mut session()?, out),
         #[cfg(feature = "gpu")]

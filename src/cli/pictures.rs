@@ -81,10 +81,15 @@ impl OutputArgs {
         }
     }
 
+    /// What is said of the files besides their names; nothing of plain ones.
+    pub fn forms(&self) -> String {
+        let is_plain = self.depth.is_none() && !self.transparent && self.dpi.is_none() && self.layers.is_empty();
+        if is_plain { String::new() } else { format!("{:?}", (self.depth, self.transparent, self.dpi, &self.layers)) }
+    }
+
     /// Refuses what says more of a file than its name.
     pub fn refuse_forms(&self, what: &str) -> Outcome {
-        let is_plain = self.depth.is_none() && !self.transparent && self.dpi.is_none() && self.layers.is_empty();
-        match is_plain {
+        match self.forms().is_empty() {
             true => Ok(()),
             false => {
                 Err(usage(format!("{what} is an 8-bit PNG file"), "drop --depth, --transparent, --dpi and --layers"))
@@ -168,7 +173,7 @@ impl OutputArgs {
         };
         Form {
             format,
-            size: super::render::DEFAULT_SIZE,
+            size: super::picture_args::DEFAULT_SIZE,
             depth: self.depth.filter(|_| format.is_deep()).unwrap_or_default(),
             transparent: self.transparent,
             dpi: self.dpi,

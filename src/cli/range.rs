@@ -28,8 +28,8 @@ const CAMERA: [(&str, &str); 4] =
 impl Range {
     /// Its numbers in a frame, counted from 0: exactly the ends in the first and last. Whole ends give whole numbers wherever
     /// the way falls on one.
-    pub fn numbers(&self, frame: u32, frames: u32) -> Vec<f64> {
-        let (frame, last) = (f64::from(frame), f64::from(frames.saturating_sub(1).max(1)));
+    pub fn numbers(&self, frame: impl Into<f64>, frames: u32) -> Vec<f64> {
+        let (frame, last) = (frame.into(), f64::from(frames.saturating_sub(1).max(1)));
         let between = |a: f64, b: f64| match a.fract() == 0.0 && b.fract() == 0.0 {
             true => a + (b - a) * frame / last,
             false => a * (1.0 - frame / last) + b * (frame / last),
@@ -37,17 +37,25 @@ impl Range {
         match &self.values {
             Values::Ends([from, to]) => from.iter().zip(to).map(|(a, b)| between(*a, *b)).collect(),
             // What is no number was refused when the list was read, where numbers must be.
-            Values::List(list) => list.get(frame as usize).and_then(|text| numbers(text).ok()).unwrap_or_default(),
+            Values::List(list) => {
+                list.get(frame.round() as usize).and_then(|text| numbers(text).ok()).unwrap_or_default()
+            }
         }
     }
 
     /// Its value in a frame as formula files write it.
-    pub fn ron(&self, frame: u32, frames: u32) -> String {
+    pub fn ron(&self, frame: impl Into<f64>, frames: u32) -> String {
+        let frame = frame.into();
         if let Values::List(list) = &self.values {
-            return list.get(frame as usize).cloned().unwrap_or_default();
+            return list.get(frame.round() as usize).cloned().unwrap_or_default();
         }
         let numbers: Vec<String> = self.numbers(frame, frames).iter().map(f64::to_string).collect();
         if numbers.len() == 1 { numbers[0].clone() } else { format!("({})", numbers.join(", ")) }
+    }
+
+    /// Whether it moves the view, and not the formula.
+    pub fn is_of_view(&self) -> bool {
+        VIEW.iter().any(|(view, _)| *view == self.name)
     }
 
     /// Frames that it has values for; any number where it has two ends.

@@ -54,6 +54,12 @@ impl Session {
         Ok(Arc::new(Formula::of(self.library.clone(), loaded)))
     }
 
+    /// The session as many pictures want it: kernels are kept from one to the next.
+    pub fn keeping_kernels(&mut self) -> &Session {
+        self.engine = std::mem::take(&mut self.engine).keeping_kernels();
+        self
+    }
+
     /// What tells the user of work.
     pub fn watch(&self, quiet: bool) -> Watch<'_> {
         Watch::new(self, quiet)

@@ -46,7 +46,7 @@ impl ViewArg {
     pub fn default_size(self) -> Size {
         match self.0 {
             View::Error => Size { width: 640, height: 360 },
-            _ => super::render::DEFAULT_SIZE,
+            _ => super::picture_args::DEFAULT_SIZE,
         }
     }
 }

@@ -1,14 +1,15 @@
 //! Which back end does the work: the only place that opens a GPU.
 
+use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-use super::{BackendChoice, Error, Observer};
+use super::{BackendChoice, Composed, Error, Observer};
 #[cfg(feature = "gpu")]
 use crate::diag::Diagnostic;
 use crate::kernel::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use crate::kernel::gpu::{AdapterWanted, Gpu};
-use crate::kernel::template::Kept;
+use crate::kernel::template::{Announced, Kept};
 use crate::kernel::{Backend, BackendError};
 use crate::math::Precision;
 
@@ -38,6 +39,8 @@ pub struct Backends {
     cpu: [Mutex<Kept<Cpu>>; 2],
     /// Whether kernels are kept.
     keeps: bool,
+    /// Kernels that will come.
+    announced: Announced,
     /// Says whether there is hardware whose driver works.
     works: Option<fn() -> Result<bool, BackendError>>,
     #[cfg(feature = "gpu")]
@@ -56,10 +59,10 @@ struct Opened {
 impl Backends {
     /// Keeps what is compiled from now on for later work.
     pub fn keep_kernels(&mut self) {
-        self.cpu = std::array::from_fn(|_| Mutex::new(Kept::keeping()));
+        self.cpu = std::array::from_fn(|_| Mutex::new(Kept::keeping(&self.announced)));
         #[cfg(feature = "gpu")]
         if let Some(opened) = self.gpu.get_mut().unwrap_or_else(PoisonError::into_inner) {
-            opened.kernels = Kept::keeping();
+            opened.kernels = Kept::keeping(&self.announced);
         }
         self.keeps = true;
     }
@@ -79,6 +82,29 @@ impl Backends {
         all
     }
 
+    /// How many structures the kernels of each name have had, where kernels are kept.
+    pub fn structures(&self) -> BTreeMap<&'static str, usize> {
+        let mut all = BTreeMap::new();
+        let mut add = |of: &BTreeMap<&'static str, usize>| {
+            of.iter().for_each(|(name, count)| *all.entry(*name).or_default() += count);
+        };
+        for kept in &self.cpu {
+            add(kept.lock().unwrap_or_else(PoisonError::into_inner).structures());
+        }
+        #[cfg(feature = "gpu")]
+        if let Some(gpu) = self.gpu.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+            add(gpu.kernels.structures());
+        }
+        all
+    }
+
+    /// Announces the kernels of a picture that will be rendered: what differs between them and others that are announced is a uniform from the start.
+    pub fn announce(&self, composed: &Composed) {
+        for pass in composed.pipeline.passes.iter() {
+            self.announced.add(pass.role.name(), &composed.arena, &pass.kernel);
+        }
+    }
+
     /// Uses a device which is open already, whatever it is.
     #[cfg(feature = "gpu")]
     pub fn use_gpu(&mut self, gpu: Gpu) {
@@ -89,7 +115,7 @@ impl Backends {
     /// No kernels yet, to be kept or not.
     #[cfg(feature = "gpu")]
     fn kernels(&self) -> Kept<Gpu> {
-        if self.keeps { Kept::keeping() } else { Kept::default() }
+        if self.keeps { Kept::keeping(&self.announced) } else { Kept::default() }
     }
 
     /// Does work on the back end that is wanted and says which one it was. With `Auto`, a GPU that fails hands over to the CPU.

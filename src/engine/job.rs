@@ -46,6 +46,13 @@ pub struct Job {
     composed: OnceLock<Arc<Composed>>,
 }
 
+/// What was chosen for a graph.
+pub(super) struct Parts {
+    pub iterations: Option<Iterations>,
+    pub precision: Precision,
+    pub plan: Plan,
+}
+
 /// The kernels of a job.
 pub struct Composed {
     /// Where their expressions are.
@@ -63,17 +70,25 @@ pub struct Composed {
 impl Job {
     /// The job of what was settled.
     pub(super) fn new(formula: Arc<Formula>, request: Request, settled: Settled) -> Job {
+        let Settled { graph, iterations, precision, calibration } = settled;
+        let plan = calibration.plan.clone();
+        let job = Job::of_parts(formula, request, &graph, Parts { iterations, precision, plan });
+        Job { calibration: Some(Arc::new(calibration)), ..job }
+    }
+
+    /// The job of a graph as the picture shows it, and of what was chosen for it.
+    pub(super) fn of_parts(formula: Arc<Formula>, request: Request, graph: &ValidGraph, parts: Parts) -> Job {
         Job {
             version: env!("CARGO_PKG_VERSION").to_string(),
             formula,
             request,
-            camera: settled.graph.scene.camera,
-            home: settled.graph.scene.home,
-            iterations: settled.iterations,
-            tones: settled.graph.scene.look.tones(),
-            precision: settled.precision,
-            plan: settled.calibration.plan.clone(),
-            calibration: Some(Arc::new(settled.calibration)),
+            camera: graph.scene.camera,
+            home: graph.scene.home,
+            iterations: parts.iterations,
+            tones: graph.scene.look.tones(),
+            precision: parts.precision,
+            plan: parts.plan,
+            calibration: None,
             composed: OnceLock::new(),
         }
     }

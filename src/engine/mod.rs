@@ -23,6 +23,7 @@ mod camera;
 mod error;
 mod job;
 mod observer;
+pub mod path;
 mod recipe;
 mod request;
 mod running;
@@ -33,7 +34,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub use animation::{Animation, Estimates, Frame};
+pub use animation::{Animation, Moment, Moments};
 pub use backend::{Backends, Work};
 pub use camera::{CameraChange, Zoom};
 pub use error::{Error, FormulaMessages};
@@ -50,11 +51,12 @@ use crate::diag::Diagnostics;
 use crate::expr::Arena;
 use crate::film::Image;
 use crate::formula::library::Library;
+use crate::graph::Camera;
 use crate::kernel::BackendError;
 #[cfg(feature = "gpu")]
 use crate::kernel::gpu::Gpu;
 use crate::load::{Loaded, load, load_text};
-use crate::render::{FoundView, Search};
+use crate::render::{Clearance, FoundView, Search};
 
 /// Steps, back ends and the kernels that they have compiled. Threads may share it.
 pub struct Engine {
@@ -184,6 +186,24 @@ impl Engine {
         let mut image = Image { size: request.size, rgb: Vec::new() };
         self.render(&job, job.rows(), &mut image, observer)?;
         Ok(image)
+    }
+
+    /// The camera of a formula's own view, after the request's changes: the file's, or one that frames what is there. None of a plane.
+    ///
+    /// Errors: [`Error::Formula`], [`Error::Request`].
+    pub fn camera(&self, formula: &Formula, request: &Request) -> Result<Option<Camera>, Error> {
+        let arena = Arc::new(Arena::default());
+        let settling = Settling { library: formula.library(), arena: &arena, request };
+        Ok(settling.viewed(formula.graph().clone())?.graph.scene.camera)
+    }
+
+    /// What estimates how far points are from a formula's surface; of the request, what is fixed of the estimate counts.
+    ///
+    /// Errors: [`Error::Formula`].
+    pub fn clearance(&self, formula: &Formula, request: &Request) -> Result<Clearance, Error> {
+        let arena = Arc::new(Arena::default());
+        let settling = Settling { library: formula.library(), arena: &arena, request };
+        settling.clearance(formula.graph().clone())
     }
 
     /// Finds views of a formula that are worth it, the best first; of the request, what is fixed of the estimate counts.

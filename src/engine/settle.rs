@@ -17,7 +17,8 @@ use crate::graph::{Camera, ValidGraph};
 use crate::math::Precision;
 use crate::precision::{LEAST_ULPS, Resolution, resolution};
 use crate::render::{
-    FoundView, Iterations, Search, Standpoint, camera_of, compose_planned, find_views, standpoint, surface_at, tones,
+    Clearance, FoundView, Iterations, Search, Standpoint, camera_of, compose_planned, find_views, standpoint,
+    surface_at, tones,
 };
 
 /// A fractal while what its picture needs is settled.
@@ -145,6 +146,12 @@ impl<'a> Settling<'a> {
         let graph = self.framed(graph)?.graph;
         let found = self.iterations(&graph, true)?;
         Ok(found.map_or_else(|| graph.clone(), |found| found.apply(&graph)))
+    }
+
+    /// What estimates how far points are from the surface of a graph, with the iterations of its own view.
+    pub fn clearance(&self, graph: ValidGraph) -> Result<Clearance, Error> {
+        let graph = self.seen(graph)?;
+        Clearance::new(&self.composer(&graph), &self.plan(&graph)?).map_err(|message| self.failed(message))
     }
 
     /// Views of a graph that are worth it, the best first.

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::film::{Image, Layer, Layers, Pictures, PngFile, Radiance, Rows};
+use crate::film::{Image, Layer, Layers, PictureFile, Pictures, PngFile, Radiance, Rows, Shutter};
 
 /// Takes the rows of a picture from the top, some whole rows at a time.
 pub trait Sink: Send {
@@ -50,6 +50,17 @@ impl Sink for PngFile {
     }
 }
 
+impl Sink for PictureFile {
+    fn layers(&self) -> Layers {
+        self.wanted()
+    }
+
+    /// [`PictureFile::finish`] has the cause of an error.
+    fn push(&mut self, rows: Rows) -> io::Result<()> {
+        PictureFile::push(self, &rows)
+    }
+}
+
 impl Sink for Pictures {
     fn layers(&self) -> Layers {
         self.wanted()
@@ -58,6 +69,17 @@ impl Sink for Pictures {
     /// [`Pictures::finish`] has the cause of an error.
     fn push(&mut self, rows: Rows) -> io::Result<()> {
         Pictures::push(self, &rows)
+    }
+}
+
+impl Sink for Shutter {
+    fn layers(&self) -> Layers {
+        self.wanted()
+    }
+
+    fn push(&mut self, rows: Rows) -> io::Result<()> {
+        Shutter::push(self, rows);
+        Ok(())
     }
 }
 

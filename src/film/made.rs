@@ -19,7 +19,7 @@ pub struct MadePng {
 /// Errors: what is wrong with it, as the end of a sentence that begins with its name.
 pub fn read_png(path: &Path, size: Size) -> Result<MadePng, String> {
     // Compressed data is a little longer than what it holds, at most.
-    let raw = u64::from(size.height) * (u64::from(size.width) * 3 + 1);
+    let raw = u64::from(size.height) * (u64::from(size.width) * 8 + 1);
     let bytes = read_bytes(path, raw + raw / 64 + (1 << 20), Chosen::Found).map_err(|error| error.to_string())?;
     read_png_bytes(&bytes, size)
 }
@@ -36,8 +36,9 @@ pub fn read_png_bytes(bytes: &[u8], size: Size) -> Result<MadePng, String> {
     if (info.width, info.height) != (size.width, size.height) {
         return Err(format!("its size is {}x{} and not {}x{}", info.width, info.height, size.width, size.height));
     }
-    if (info.color_type, info.bit_depth) != (png::ColorType::Rgb, png::BitDepth::Eight) {
-        return Err("its pixels are not three bytes of colour".into());
+    let is_colour = matches!(info.color_type, png::ColorType::Rgb | png::ColorType::Rgba);
+    if !is_colour || !matches!(info.bit_depth, png::BitDepth::Eight | png::BitDepth::Sixteen) {
+        return Err("its pixels have no colours of 8 or 16 bits".into());
     }
     let key = info.uncompressed_latin1_text.iter().find(|text| text.keyword == KEY).map(|text| text.text.clone());
     let mut rows = 0;

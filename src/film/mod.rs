@@ -4,25 +4,33 @@ mod agx;
 mod develop;
 mod encoded;
 mod file;
+mod flicker;
 #[cfg(feature = "formats")]
 mod formats;
 #[cfg_attr(not(feature = "formats"), allow(dead_code))]
 mod icc;
 mod layers;
 mod made;
+#[cfg(feature = "formats")]
+mod movie;
 mod png;
 mod primaries;
 mod progress;
 mod recipe;
+mod shutter;
 
 use std::path::Path;
 
 pub use self::develop::{Develop, compose_develop, compose_encoded};
 pub use self::file::{Depth, Form, Format, PictureFile, Pictures};
+pub use self::flicker::{Flicker, Sight, flicker};
 pub use self::layers::{Layer, Layers, Radiance, Rows};
 pub use self::made::{MadePng, read_png, read_png_bytes};
+#[cfg(feature = "formats")]
+pub use self::movie::{Movie, MovieForm, MovieFormat};
 pub use self::png::{PngFile, PngForm};
 pub use self::recipe::{Made, is_picture, read_made, read_made_bytes};
+pub use self::shutter::Shutter;
 
 use crate::files::Target;
 use crate::shade::Size;

@@ -26,6 +26,7 @@ pub use objects::{Imports, MOST_OBJECTS, Wanted, wanted};
 pub use overrides::{Override, patched};
 pub use presets::{PRESET, Preset, expand_presets};
 pub use read::read;
+pub use scene::motion;
 pub use scene::{
     Aperture, Atmosphere, Blend, By, Camera, Cone, CubeLayout, Curve, Encoding, Environment, Film, Glow, Layer, Lens,
     Light, LightKind, Look, MOST_LAYERS, Marks, MaterialUse, Paint, Palette, Part, Plane, SUN_ANGLE, Scene, Space,

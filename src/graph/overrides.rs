@@ -49,6 +49,7 @@ const FIELDS: &[&str] = &[
     "atmosphere",
     "scene",
     "film",
+    "animation",
 ];
 
 /// Fields whose parts alone an override may set.

@@ -40,6 +40,16 @@ pub fn read(
             d.push(error.clone().help(format!("this is with the preset `{}`", preset.name)));
         }
     }
+    for ends in graph.scene.motion.iter().flat_map(|motion| motion.ends()).filter(|ends| !ends.is_empty()) {
+        let mut own = Diagnostics::default();
+        read_once(library, value, name, (&ends, imports), &mut own);
+        for error in own.iter().filter(|diagnostic| diagnostic.severity == Severity::Error) {
+            d.push(error.clone().help("this is with the values of the animation's tracks"));
+        }
+        if own.has_errors() {
+            break;
+        }
+    }
     (d.error_count() == errors).then_some(graph)
 }
 

@@ -1,126 +1,83 @@
-//! Kernels that differ in their numbers only, joined into one that takes the numbers as uniforms.
+//! Kernels that differ in their numbers only: one is compiled, and takes what moves as uniforms.
 //!
-//! Frames of an animation, or positions of a slider, are composed like any picture, each by itself, with every number
+//! Frames of a film, or positions of a slider, are composed like any picture, each by itself, with every number
 //! known: so bounding radii, folded products and whatever else follows from a parameter are right for each frame, and the
-//! composer knows nothing of animation. In come their kernels ([`Templates::add`]); kernels of the same structure are then
-//! one family. A number that is the same in all of a family stays the constant that it is, and the others become uniforms,
-//! one for each distinct row of values ([`Templates::finish`]; this is G. Plotkin's least general generalisation, 1970, where
-//! only numbers may differ). What a parameter does to the structure (a whole power becomes products, a number that is 0
-//! or 1 is folded away, a limit of iterations changes) makes another family.
+//! composer knows nothing of films. Kernels of the same structure then share one ([`Kept`]; this is G. Plotkin's least general
+//! generalisation, 1970, where only numbers may differ): a number that has never moved stays the constant that it is, the others are
+//! uniforms. What a parameter does to the structure (a whole power becomes products, a number that is 0
+//! or 1 is folded away, a limit of iterations changes) makes another kernel.
 //!
 //! ```
 //! use std::sync::Arc;
 //! use bulbfold::expr::{Arena, Function, Port, Type};
-//! use bulbfold::kernel::{Backend, Kernel, cpu::Cpu, template::Templates};
+//! use bulbfold::kernel::template::{Announced, Kept};
+//! use bulbfold::kernel::{Backend, Kernel, cpu::Cpu};
 //! use bulbfold::math::Precision;
 //!
-//! let mut templates = Templates::default();
-//! for scale in [2.0, 3.0] {
+//! let map = |scale: f64| {
 //!     let arena = Arc::new(Arena::default());
 //!     let mut f = Function::new("f", vec![Port::new("x", Type::F)]);
 //!     f.output("y", arena.input(0, Type::F) * scale + 1.0);
-//!     templates.add(&arena, &Kernel::Map(f));
+//!     (arena.clone(), Kernel::Map(f))
+//! };
+//! let (cpu, announced) = (Cpu::new(Precision::F64), Announced::default());
+//! let mut kept = Kept::keeping(&announced);
+//! let (arena, kernel) = map(3.0);
+//! announced.add("f", &arena, &kernel);
+//! for (scale, expected) in [(2.0, 11.0), (3.0, 16.0)] {
+//!     let (arena, kernel) = map(scale);
+//!     let ready = kept.prepare(&cpu, "f", &arena, &kernel).unwrap();
+//!     let result = cpu.run(&ready, &[&cpu.upload(&[vec![5.0]]).unwrap()]).unwrap();
+//!     assert_eq!(cpu.download(&result).unwrap(), [[expected]]);
 //! }
-//! let joined = templates.finish();
-//! assert_eq!(joined.families.len(), 1);
-//! assert_eq!(joined.frames[1].uniforms, [3.0]);
-//! let cpu = Cpu::new(Precision::F64);
-//! let kernel = cpu.prepare(&joined.families[0].arena, &joined.families[0].kernel).unwrap();
-//! let second = cpu.bind(&kernel, &joined.frames[1].uniforms).unwrap();
-//! let result = cpu.run(&second, &[&cpu.upload(&[vec![5.0]]).unwrap()]).unwrap();
-//! assert_eq!(cpu.download(&result).unwrap(), [[16.0]]);
+//! assert_eq!(kept.compiled(), 1);
 //! ```
 
-use std::collections::HashMap;
-use std::sync::Arc;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{Backend, BackendError, Estimator, Kernel, March, Orbit};
 use crate::expr::ops::Operator;
 use crate::expr::{Arena, Function, Node, NodeId, Op};
 
-/// Kernels of frames, gathered into families.
-#[derive(Default)]
-pub struct Templates {
-    gathered: Vec<Gathered>,
-    /// Family of each frame, and its place there.
-    frames: Vec<(usize, usize)>,
-}
-
-/// Frames whose kernels have one structure.
-struct Gathered {
-    key: Vec<u8>,
-    arena: Arc<Arena>,
-    kernel: Kernel,
-    /// The numbers of each frame, in the order in which the kernel reads them.
-    rows: Vec<Vec<f64>>,
-}
-
-/// A kernel that serves several frames.
-pub struct Family {
-    /// Where its nodes are.
-    pub arena: Arc<Arena>,
-    /// The kernel; what differs from frame to frame is a uniform.
-    pub kernel: Kernel,
-}
-
-/// What a frame runs.
-#[derive(Clone, PartialEq, Debug)]
-pub struct Frame {
-    /// Number of its family.
-    pub family: usize,
-    /// Values of the family's uniforms, by number.
-    pub uniforms: Vec<f64>,
-}
-
-/// Families, and the frames in the order in which they were added.
-pub struct Joined {
-    /// The kernels to compile.
-    pub families: Vec<Family>,
-    /// What each frame runs.
-    pub frames: Vec<Frame>,
-}
-
-impl Templates {
-    /// Adds the kernel of the next frame. Only the first of a family is kept.
-    pub fn add(&mut self, arena: &Arc<Arena>, kernel: &Kernel) {
-        let Shape { key, numbers } = Shape::new(arena, kernel);
-        let known = self.gathered.iter().position(|family| family.key == key);
-        let family = known.unwrap_or_else(|| {
-            let (arena, kernel) = (arena.clone(), kernel.clone());
-            self.gathered.push(Gathered { key, arena, kernel, rows: Vec::new() });
-            self.gathered.len() - 1
-        });
-        self.frames.push((family, self.gathered[family].rows.len()));
-        self.gathered[family].rows.push(numbers);
-    }
-
-    /// Makes the kernels.
-    pub fn finish(self) -> Joined {
-        let columns: Vec<Columns> = self.gathered.iter().map(|family| Columns::new(&family.rows)).collect();
-        let frame = |&(family, at): &(usize, usize)| {
-            let row: &[f64] = &self.gathered[family].rows[at];
-            Frame { family, uniforms: columns[family].first.iter().map(|&place| row[place]).collect() }
-        };
-        let frames = self.frames.iter().map(frame).collect();
-        let family = |(gathered, columns): (&Gathered, &Columns)| {
-            let kernel = with_uniforms(&gathered.arena, &gathered.kernel, &columns.uniforms);
-            Family { arena: gathered.arena.clone(), kernel }
-        };
-        Joined { families: self.gathered.iter().zip(&columns).map(family).collect(), frames }
-    }
-}
-
 /// Most kernels of one name that are kept.
 const MOST_KEPT: usize = 8;
 
+/// Kernels that will come, so that the numbers in which they differ from the first one are uniforms from the start. Clones share them.
+#[derive(Clone, Default)]
+pub struct Announced(Arc<Mutex<Vec<(&'static str, Shape)>>>);
+
+impl Announced {
+    /// Announces a kernel of a name.
+    pub fn add(&self, name: &'static str, arena: &Arena, kernel: &Kernel) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push((name, Shape::new(arena, kernel)));
+    }
+
+    /// Which numbers of a kernel differ from those that are announced under its name with its structure; empty where none do.
+    fn moves(&self, name: &str, own: &Shape) -> Vec<bool> {
+        let known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let alike = known.iter().filter(|(other, shape)| *other == name && shape.key == own.key);
+        let others: Vec<&Shape> = alike.map(|(_, shape)| shape).collect();
+        let differs = |at: usize| others.iter().any(|other| other.numbers[at].to_bits() != own.numbers[at].to_bits());
+        let moves: Vec<bool> = (0..own.numbers.len()).map(differs).collect();
+        if moves.contains(&true) { moves } else { Vec::new() }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).is_empty()
+    }
+}
+
 /// Prepared kernels that are kept for others of the same structure, whose numbers are not known beforehand.
 ///
-/// A number that has been the same in all kernels of a structure is a constant. When one moves, the kernel is compiled again with a
-/// uniform in its place; from then on it moves without compiling.
+/// A number that has been the same in all kernels of a structure, and in those that are announced, is a constant. When one moves, the kernel
+/// is compiled again with a uniform in its place; from then on it moves without compiling.
 pub struct Kept<B: Backend> {
     is_keeping: bool,
+    announced: Announced,
     kernels: HashMap<&'static str, Vec<KeptKernel<B::Prepared>>>,
     compiled: usize,
+    structures: BTreeMap<&'static str, usize>,
 }
 
 /// A kernel that is kept.
@@ -137,19 +94,30 @@ struct KeptKernel<P> {
 impl<B: Backend> Default for Kept<B> {
     /// Keeps nothing: for work that is done once.
     fn default() -> Kept<B> {
-        Kept { is_keeping: false, kernels: HashMap::new(), compiled: 0 }
+        Kept {
+            is_keeping: false,
+            announced: Announced::default(),
+            kernels: HashMap::new(),
+            compiled: 0,
+            structures: BTreeMap::new(),
+        }
     }
 }
 
 impl<B: Backend> Kept<B> {
     /// Keeps what it prepares.
-    pub fn keeping() -> Kept<B> {
-        Kept { is_keeping: true, ..Kept::default() }
+    pub fn keeping(announced: &Announced) -> Kept<B> {
+        Kept { is_keeping: true, announced: announced.clone(), ..Kept::default() }
     }
 
     /// Kernels that were compiled so far.
     pub fn compiled(&self) -> usize {
         self.compiled
+    }
+
+    /// How many structures the kernels of each name have had.
+    pub fn structures(&self) -> &BTreeMap<&'static str, usize> {
+        &self.structures
     }
 
     /// Drops all kernels: the device is another one.
@@ -170,7 +138,8 @@ impl<B: Backend> Kept<B> {
             return backend.prepare(arena, kernel);
         }
         let known = self.kernels.entry(name).or_default();
-        let shape = (!known.is_empty()).then(|| Shape::new(arena, kernel));
+        let is_compared = !known.is_empty() || !self.announced.is_empty();
+        let shape = is_compared.then(|| Shape::new(arena, kernel));
         if let Some(shape) = &shape
             && let Some(at) = known.iter_mut().position(|kept| kept.shape().key == shape.key)
         {
@@ -182,12 +151,16 @@ impl<B: Backend> Kept<B> {
             return backend.bind(&kept.prepared, &kept.uniforms(&shape.numbers));
         }
         self.compiled += 1;
-        let prepared = backend.prepare(arena, kernel)?;
-        let bound = backend.bind(&prepared, &[])?;
+        *self.structures.entry(name).or_default() += 1;
+        let moves = shape.as_ref().map(|shape| self.announced.moves(name, shape)).unwrap_or_default();
+        let prepared = backend.prepare(arena, &moving(arena, kernel, &moves))?;
         if known.len() == MOST_KEPT {
             known.remove(0);
         }
-        known.push(KeptKernel { arena: arena.clone(), kernel: kernel.clone(), shape, moves: Vec::new(), prepared });
+        let kept = KeptKernel { arena: arena.clone(), kernel: kernel.clone(), shape, moves, prepared };
+        let numbers = kept.shape.as_ref().map_or(&[][..], |shape| &shape.numbers);
+        let bound = backend.bind(&kept.prepared, &kept.uniforms(numbers))?;
+        known.push(kept);
         Ok(bound)
     }
 }
@@ -207,47 +180,13 @@ impl<P> KeptKernel<P> {
             return Ok(false);
         }
         new.into_iter().for_each(|at| self.moves[at] = true);
-        let mut next = 0;
-        let number = |&moves: &bool| {
-            moves.then(|| {
-                next += 1;
-                next - 1
-            })
-        };
-        let uniforms: Vec<Option<u16>> = self.moves.iter().map(number).collect();
-        self.prepared = backend.prepare(&self.arena, &with_uniforms(&self.arena, &self.kernel, &uniforms))?;
+        self.prepared = backend.prepare(&self.arena, &moving(&self.arena, &self.kernel, &self.moves))?;
         Ok(true)
     }
 
     /// The numbers that move.
     fn uniforms(&self, numbers: &[f64]) -> Vec<f64> {
         self.moves.iter().zip(numbers).filter(|(moves, _)| **moves).map(|(_, x)| *x).collect()
-    }
-}
-
-/// Which numbers of a family differ from frame to frame.
-struct Columns {
-    /// For each number the uniform that takes its place.
-    uniforms: Vec<Option<u16>>,
-    /// For each uniform the first number whose place it takes.
-    first: Vec<usize>,
-}
-
-impl Columns {
-    fn new(rows: &[Vec<f64>]) -> Columns {
-        let mut known: HashMap<Vec<u64>, u16> = HashMap::new();
-        let mut columns = Columns { uniforms: Vec::new(), first: Vec::new() };
-        for place in 0..rows.first().map_or(0, Vec::len) {
-            let column: Vec<u64> = rows.iter().map(|row| row[place].to_bits()).collect();
-            let uniform = column.iter().any(|bits| *bits != column[0]).then(|| {
-                *known.entry(column).or_insert_with(|| {
-                    columns.first.push(place);
-                    columns.first.len() as u16 - 1
-                })
-            });
-            columns.uniforms.push(uniform);
-        }
-        columns
     }
 }
 
@@ -321,6 +260,21 @@ fn arguments(arena: &Arena, node: &Node) -> Vec<NodeId> {
         args.swap(0, 1);
     }
     args
+}
+
+/// A kernel with uniforms instead of the numbers that move; itself where none does.
+fn moving(arena: &Arena, kernel: &Kernel, moves: &[bool]) -> Kernel {
+    if !moves.contains(&true) {
+        return kernel.clone();
+    }
+    let mut next = 0;
+    let number = |&moves: &bool| {
+        moves.then(|| {
+            next += 1;
+            next - 1
+        })
+    };
+    with_uniforms(arena, kernel, &moves.iter().map(number).collect::<Vec<Option<u16>>>())
 }
 
 /// A kernel with uniforms instead of some of its numbers.

@@ -6,6 +6,7 @@
 
 mod beams;
 mod checked;
+mod clearance;
 mod data;
 mod framing;
 mod further;
@@ -24,6 +25,7 @@ mod traced;
 
 pub use beams::BeamTiles;
 pub use checked::beams_hold;
+pub use clearance::Clearance;
 pub use framing::{Iterations, Standpoint, automatic_camera, camera_of, standpoint, surface_at};
 pub use passes::{Ends, Marches, Role};
 pub use pipeline::{Pipeline, Shape, compose_pipeline, compose_planned};

@@ -28,6 +28,7 @@ mod examples;
 mod exchange;
 mod expressions;
 mod film;
+mod films;
 mod find;
 mod formats;
 mod formulas;

@@ -2,6 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::diag::{Diagnostic, Span};
@@ -230,8 +231,9 @@ impl Camera {
 pub(super) fn read_camera(reader: &mut Reader, value: &Value) -> Option<Camera> {
     let mut fields = Fields::new(value, "a camera", reader.d)?;
     let position = fields.optional_value("position");
-    let target = fields.optional_value("target").and_then(|v| reader.vector(v, -1e9, 1e9)).unwrap_or([0.0; 3]);
+    let target = fields.optional_value("target").and_then(|v| reader.vector(v, -1e9, 1e9));
     let up = fields.optional_value("up").and_then(|v| reader.direction(v)).unwrap_or([0.0, 0.0, 1.0]);
+    let orientation = read_orientation(reader, &mut fields)?;
     let lens = fields.optional_value("lens").map_or(Some((Lens::default(), None)), |v| read_lens(reader, v));
     let fov = fields.optional_value("fov");
     let stereo = fields.optional_value("stereo").map_or(Some(None), |v| read_stereo(reader, v).map(Some));
@@ -245,6 +247,10 @@ pub(super) fn read_camera(reader: &mut Reader, value: &Value) -> Option<Camera> 
         return None;
     };
     let position = reader.vector(position, -1e9, 1e9)?;
+    let (target, up) = match orientation {
+        Some((forward, up)) => ([0, 1, 2].map(|i| position[i] + forward[i]), up),
+        None => (target.unwrap_or([0.0; 3]), up),
+    };
     let (lens, of_lens) = lens?;
     let fov = read_fov(reader, fov, (lens, of_lens))?;
     if is_on_one_line(position, target, up) {
@@ -263,6 +269,38 @@ pub(super) fn read_camera(reader: &mut Reader, value: &Value) -> Option<Camera> 
         Lens::Orthographic { height } if height <= 0.0 => camera.with_lens(lens),
         lens => Camera { lens, ..camera },
     })
+}
+
+/// Reads `orientation: (x, y, z, w), distance: 2.0`: the way to the target and the up direction of a camera that a unit quaternion turns, as in glTF: unturned
+/// it looks along -z with y upwards. The outer option is that of errors.
+#[expect(clippy::option_option)]
+fn read_orientation(reader: &mut Reader, fields: &mut Fields) -> Option<Option<([f64; 3], [f64; 3])>> {
+    let (turn, distance) = (fields.optional_value("orientation"), fields.optional_value("distance"));
+    let others = ["target", "up"].map(|name| fields.optional_value(name));
+    let Some(value) = turn else {
+        if let Some(distance) = distance {
+            bad(reader, distance.span, "`distance` belongs to `orientation`", "drop it: `target` says how far it is");
+            return None;
+        }
+        return Some(None);
+    };
+    if let Some(other) = others.into_iter().flatten().next() {
+        let help = "drop `target` and `up`; `distance` says how far the target is";
+        bad(reader, other.span, "a camera has an `orientation`, or a `target` and `up`", help);
+        return None;
+    }
+    let distance = distance.map_or(Some(1.0), |v| reader.number(v, 1e-300, 1e9))?;
+    let (ValueKind::List(items) | ValueKind::Tuple { name: None, items }) = &value.kind else {
+        bad(reader, value.span, "an orientation is a quaternion", "write (x, y, z, w), such as (0, 0, 0, 1)");
+        return None;
+    };
+    let parts: Vec<f64> = items.iter().map(|item| reader.number(item, -1e6, 1e6)).collect::<Option<_>>()?;
+    let turn = <[f64; 4]>::try_from(parts).ok().map(DQuat::from_array).filter(|turn| turn.length() > 1e-9);
+    let Some(turn) = turn.map(DQuat::normalize) else {
+        bad(reader, value.span, "an orientation has four numbers that are not all 0", "write (x, y, z, w)");
+        return None;
+    };
+    Some(Some(((turn * DVec3::NEG_Z * distance).to_array(), (turn * DVec3::Y).to_array())))
 }
 
 /// Reads `aperture: 0.02, focus: 3.0, blades: 6`. The outer option is that of errors.

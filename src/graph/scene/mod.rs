@@ -9,6 +9,7 @@ mod fields;
 mod film;
 mod light;
 mod look;
+pub mod motion;
 mod paint;
 mod traps;
 
@@ -54,6 +55,8 @@ pub struct Scene {
     pub home: Option<Camera>,
     /// How light becomes a picture.
     pub film: Film,
+    /// What moves in a film of it.
+    pub motion: Option<motion::Motion>,
 }
 
 impl Default for Scene {
@@ -75,6 +78,7 @@ impl Scene {
             atmosphere: Atmosphere { fog: look.fog, ..Atmosphere::default() },
             home: None,
             film: Film::default(),
+            motion: None,
             look,
         }
     }
@@ -113,7 +117,7 @@ pub struct Plane {
 }
 
 /// Fields of a scene, in a fractal's file beside its nodes or in `scene: (...)`.
-const FIELDS: [&str; 7] = ["camera", "plane", "look", "light", "environment", "atmosphere", "film"];
+const FIELDS: [&str; 8] = ["camera", "plane", "look", "light", "environment", "atmosphere", "film", "animation"];
 
 /// Reads the fields of a scene: those among a file's own, and those in its `scene: (...)`.
 pub(super) fn read_scene(reader: &mut Reader, fields: &mut Fields) -> Scene {
@@ -129,7 +133,7 @@ pub(super) fn read_scene(reader: &mut Reader, fields: &mut Fields) -> Scene {
         }
         inside.or(outer)
     };
-    let [camera, plane, look, light, environment, atmosphere, film] = FIELDS.map(|name| take(reader, name));
+    let [camera, plane, look, light, environment, atmosphere, film, animation] = FIELDS.map(|name| take(reader, name));
     if let Some(inner) = inner {
         inner.finish(reader.d);
     }
@@ -138,6 +142,7 @@ pub(super) fn read_scene(reader: &mut Reader, fields: &mut Fields) -> Scene {
     scene.film = film.and_then(|v| read_film(reader, v)).unwrap_or_default();
     scene.camera = camera.and_then(|v| read_camera(reader, v));
     scene.plane = plane.and_then(|v| read_plane(reader, v));
+    scene.motion = animation.and_then(|v| motion::read_motion(reader, v));
     if let Some(value) = light {
         scene.lights = read_lights(reader, value);
         for name in
