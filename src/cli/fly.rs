@@ -66,7 +66,7 @@ pub fn run(arguments: &mut Arguments, session: &mut Session) -> Outcome {
         return Err(usage("a flight's file is the formula as it is, without `--set` and `--preset`", help));
     }
     let loaded = session.load(file, &[])?;
-    let (text, is_builtin) = (loaded.text, loaded.is_builtin);
+    let text = loaded.text;
     let formula = std::sync::Arc::new(Formula::of(session.library.clone(), loaded));
     refuse_plane(formula.graph(), "`fly`")?;
     session.spare_inputs(&target)?;
@@ -78,7 +78,7 @@ pub fn run(arguments: &mut Arguments, session: &mut Session) -> Outcome {
         Request { camera: arguments.camera.change(), ..arguments.estimate.request(super::picture_args::DEFAULT_SIZE) };
     let (views, clearance) = found(arguments, session, &formula, &request)?;
     let animation = animation(&views, (arguments, clearance));
-    let written = with_animation(session, (text, is_builtin), &animation)?;
+    let written = with_animation(session, text, &animation)?;
     let note =
         format!("// A flight by `bulbfold fly {stem} --seed {} --seconds {}`.\n", arguments.seed, arguments.seconds);
     write(&target, format!("{note}{written}").as_bytes())?;
@@ -152,8 +152,8 @@ fn animation(views: &[View], (arguments, clearance): (&Arguments, f64)) -> Strin
     text
 }
 
-/// The text of a formula with another animation. The limit of iterations of a built-in one is for its own view, and follows the flight without it.
-fn with_animation(session: &Session, (id, is_builtin): (SourceId, bool), animation: &str) -> Result<String, Failure> {
+/// The text of a formula with another animation.
+fn with_animation(session: &Session, id: SourceId, animation: &str) -> Result<String, Failure> {
     let sources = &session.library.sources;
     let text = sources.text(id);
     let mut d = Diagnostics::default();
@@ -165,9 +165,8 @@ fn with_animation(session: &Session, (id, is_builtin): (SourceId, bool), animati
     let Some(fields) = fields.filter(|fields| !fields.is_empty()) else {
         return Err(usage("the formula has no fields", "write `(nodes: {...})`"));
     };
-    let dropped = |name: &str| name == "animation" || (is_builtin && name == "max_iterations");
     let (mut written, mut from) = (String::new(), 0);
-    for (name, value) in fields.iter().filter(|(name, _)| dropped(&name.text)) {
+    for (name, value) in fields.iter().filter(|(name, _)| name.text == "animation") {
         let start = name.span.range().start;
         written.push_str(&text[from..start]);
         let end = value.span.range().end;
@@ -175,8 +174,11 @@ fn with_animation(session: &Session, (id, is_builtin): (SourceId, bool), animati
         from = end + comma.map_or(0, |at| at + 1);
     }
     let end = text.rfind(')').filter(|end| *end >= from).unwrap_or(text.len());
-    written.push_str(&text[from..end]);
-    let body = written.trim_end();
-    let comma = if body.ends_with([',', '(']) { "" } else { "," };
-    Ok(format!("{body}{comma}\n    animation: {animation},\n{}", &text[end..]))
+    // A comma behind the last field, in front of whatever comment follows.
+    let last = fields.last().map_or(from, |(_, value)| value.span.range().end).max(from);
+    let has_comma = last == from || text[last..].trim_start().starts_with(',');
+    written.push_str(&text[from..last]);
+    written.push_str(if has_comma { "" } else { "," });
+    written.push_str(text[last..end].trim_end());
+    Ok(format!("{written}\n    animation: {animation},\n{}", &text[end..]))
 }

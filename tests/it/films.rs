@@ -17,8 +17,8 @@ const MOVING: &str = r##"(
         fps: 4,
         tracks: {
             "scale": [(0, 2.5), (1, 3.0, linear), (Frame(6), 2.5, step)],
-            "light.key.strength": "2 + sin(t * PI)",
-            "film.exposure": Wave(from: 0.0, to: 1.0, seconds: 2.0),
+            "light.key.strength": "2.5 + sin(t * PI)",
+            "film.exposure": Wave(from: 0.25, to: 1.25, seconds: 2.0),
         },
     ),
 )"##;
@@ -38,8 +38,8 @@ fn frames_are_the_pictures_of_their_times() {
     assert_eq!((&report["frames"], &report["structures"]), (&8.into(), &serde_json::json!({})), "{report}");
     // Frame 3 is at half a second, frame 7 at one and a half.
     for (frame, set) in [
-        (3, ["scale=2.75", "light.key.strength=3", "film.exposure=0.5"]),
-        (7, ["scale=2.5", "light.key.strength=1", "film.exposure=0.5"]),
+        (3, ["scale=2.75", "light.key.strength=3.5", "film.exposure=0.75"]),
+        (7, ["scale=2.5", "light.key.strength=1.5", "film.exposure=0.75"]),
     ] {
         let set: Vec<&str> = set.iter().flat_map(|set| ["--set", set]).collect();
         success(&bulbfold(folder.path(), [&["render", "moving.ron", "-o", "own.png"], &SMALL[..], &set].concat()));
@@ -170,7 +170,7 @@ fn cameras_go_from_preset_to_preset() {
     assert_eq!(camera["frames"][0]["position"], serde_json::json!([0.0, -12.0, 4.0]));
     assert_eq!(camera["frames"][7]["position"], serde_json::json!([7.0, -6.0, 5.0]));
     assert!((camera["frames"][7]["fov"].as_f64().expect("an angle") - 50.0).abs() < 1e-9);
-    let light = ["--set", "light.key.strength=2", "--set", "film.exposure=0"];
+    let light = ["--set", "light.key.strength=2.5", "--set", "film.exposure=0.25"];
     let own = ["render", "moving.ron", "--preset", "far", "-o", "far.png"];
     success(&bulbfold(folder.path(), [&own[..], &SMALL, &light].concat()));
     let [film, own] = ["f1.png", "far.png"].map(|name| pixels(&folder.path().join(name)));
@@ -200,9 +200,9 @@ fn what_is_wrong_with_a_film_is_told_with_its_place() {
         ("(1, 3.0, linear)", "(1, 9.0, linear)", "scale"),
         ("(1, 3.0, linear)", "(0, 3.0, linear)", "comes after"),
         ("linear", "linaer", "linear"),
-        ("\"2 + sin(t * PI)\"", "\"2 + sin(time)\"", "time"),
+        ("\"2.5 + sin(t * PI)\"", "\"2 + sin(time)\"", "time"),
         ("seconds: 2.0,\n        fps", "fps", "seconds: 10"),
-        ("Wave(from: 0.0, to: 1.0, seconds: 2.0)", "Column(file: \"none.csv\", name: \"x\")", "none.csv"),
+        ("Wave(from: 0.25, to: 1.25, seconds: 2.0)", "Column(file: \"none.csv\", name: \"x\")", "none.csv"),
         ("fps: 4", "fps: 0", "0"),
         ("tracks: {", "camera: [(0, Own), (1, \"nowhere\")], tracks: {", "nowhere"),
     ];

@@ -69,8 +69,10 @@ impl Motion {
                 let value = match track {
                     Track::Keys(keys) => keys.keys()[if is_last { keys.keys().len() - 1 } else { 0 }].value.clone(),
                     Track::Wave { ends, .. } => Moving::Numbers(ends[usize::from(is_last)].clone()),
-                    Track::Curve(curve) => Moving::Numbers(vec![curve.ends[usize::from(is_last)]]),
-                    Track::Expression { .. } => return None,
+                    Track::Curve(Curve { source: Source::Band { .. }, ends, .. }) => {
+                        Moving::Numbers(vec![ends[usize::from(is_last)]])
+                    }
+                    Track::Expression { .. } | Track::Curve(_) => return None,
                 };
                 Some(Override { path: name.text.clone(), value: value.value(name.span) })
             };
