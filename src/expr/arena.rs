@@ -1,9 +1,10 @@
 //! The arena of nodes, and [`Expr`], the handle that formulas are written with.
 
-use std::collections::HashMap;
 use std::fmt;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use rustc_hash::FxHashMap;
 
 use super::ops::Operator;
 use super::simplify;
@@ -141,7 +142,7 @@ pub struct Arena {
 /// What making a node needs.
 #[derive(Default)]
 struct Made {
-    known: HashMap<Key, NodeId>,
+    known: FxHashMap<Key, NodeId>,
     /// Place that new nodes carry.
     span: Option<Span>,
 }

@@ -4,7 +4,7 @@
 //! A vector has a tangent for each component. Gradients as vectors are what makes exact derivatives cheap: one
 //! instruction for three partial derivatives.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::ops::Operator;
 use super::{Arena, Expr, NodeId, Op, Type};
@@ -16,7 +16,7 @@ use super::{Arena, Expr, NodeId, Op, Type};
 pub struct Differentiator<'g> {
     arena: &'g Arena,
     zero: Expr<'g>,
-    known: HashMap<NodeId, Vec<Expr<'g>>>,
+    known: FxHashMap<NodeId, Vec<Expr<'g>>>,
 }
 
 impl<'g> Differentiator<'g> {

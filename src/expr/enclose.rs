@@ -5,7 +5,7 @@
 //! taken of a ball the ball itself is used, not the box around it, so that no factor sqrt(3) is lost. Bounds are not
 //! rounded outwards: who needs that adds a margin.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::differentiate::reachable;
 use super::ops::Operator;
@@ -115,15 +115,15 @@ struct Ball<'g> {
 /// Bounds of nodes of one arena. Inputs that are given no ball count as known exactly.
 pub struct Encloser<'g> {
     arena: &'g Arena,
-    known: HashMap<NodeId, Vec<Bounds<'g>>>,
-    balls: HashMap<NodeId, Ball<'g>>,
+    known: FxHashMap<NodeId, Vec<Bounds<'g>>>,
+    balls: FxHashMap<NodeId, Ball<'g>>,
     jumps: Expr<'g>,
 }
 
 impl<'g> Encloser<'g> {
     /// Each node ranges over the ball of this radius around itself.
     pub fn new(arena: &'g Arena, balls: &[(Expr<'g>, Expr<'g>)]) -> Self {
-        let mut encloser = Encloser { arena, known: HashMap::new(), balls: HashMap::new(), jumps: arena.bool(false) };
+        let mut encloser = Encloser { arena, known: FxHashMap::default(), balls: FxHashMap::default(), jumps: arena.bool(false) };
         for &(centre, radius) in balls {
             let bounds = centre.components().into_iter().map(|x| Bounds::around(x, radius)).collect();
             encloser.known.insert(centre.id, bounds);
@@ -251,7 +251,7 @@ pub(super) fn crosses_cut<'g>(y: Bounds<'g>, x: Bounds<'g>) -> Expr<'g> {
 
 /// The roots, with some nodes replaced. Everything is built again, so identities that now apply are used.
 pub fn substitute<'g>(arena: &'g Arena, roots: &[Expr<'g>], places: &[(Expr<'g>, Expr<'g>)]) -> Vec<Expr<'g>> {
-    let mut built: HashMap<NodeId, Expr<'g>> = places.iter().map(|(from, to)| (from.id, *to)).collect();
+    let mut built: FxHashMap<NodeId, Expr<'g>> = places.iter().map(|(from, to)| (from.id, *to)).collect();
     let ids: Vec<NodeId> = roots.iter().map(|r| r.id).collect();
     for id in reachable(arena, &ids) {
         if built.contains_key(&id) {

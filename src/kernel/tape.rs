@@ -6,10 +6,11 @@
 
 mod lowering;
 
-use std::collections::HashMap;
 use std::fmt::Write as _;
 
 pub use self::lowering::lower_group;
+use rustc_hash::FxHashMap;
+
 use super::constants::Constants;
 use crate::expr::ops::{Operands, Operator};
 
@@ -93,8 +94,8 @@ impl Tape {
     pub fn listing(&self, constants: &Constants) -> String {
         let mut text =
             format!("{} ({} instructions, {} registers)\n", self.name, self.instructions.len(), self.register_count);
-        let values: HashMap<u16, f64> = constants.iter().collect();
-        let uniforms: HashMap<u16, u16> = constants.uniforms().map(|(number, register)| (register, number)).collect();
+        let values: FxHashMap<u16, f64> = constants.iter().collect();
+        let uniforms: FxHashMap<u16, u16> = constants.uniforms().map(|(number, register)| (register, number)).collect();
         let name = |register: u16| match values.get(&register) {
             _ if uniforms.contains_key(&register) => format!("uniform{}", uniforms[&register]),
             Some(value) => format!("{value}"),

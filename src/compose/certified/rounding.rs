@@ -1,6 +1,6 @@
 //! How much rounding there may be in a step's image, counted.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use crate::expr::differentiate::reachable;
 use crate::expr::ops::OperatorKind;
@@ -15,7 +15,7 @@ const PASSED_ON: f64 = 4.0;
 /// errors have one direction, where no sum is much shorter than its terms.
 pub(super) fn roundings(root: Expr) -> f64 {
     let arena = root.arena;
-    let mut known: HashMap<NodeId, f64> = HashMap::new();
+    let mut known: FxHashMap<NodeId, f64> = FxHashMap::default();
     for id in reachable(arena, &[root.id]) {
         let count = of_node(arena, id, &known);
         known.insert(id, count);
@@ -23,7 +23,7 @@ pub(super) fn roundings(root: Expr) -> f64 {
     known[&root.id]
 }
 
-fn of_node(arena: &Arena, id: NodeId, known: &HashMap<NodeId, f64>) -> f64 {
+fn of_node(arena: &Arena, id: NodeId, known: &FxHashMap<NodeId, f64>) -> f64 {
     let node = arena.node(id);
     let arguments = || node.args().iter().map(|a| known[a]);
     let (most, sum) = (arguments().fold(0.0, f64::max), arguments().sum::<f64>());

@@ -1,6 +1,6 @@
 //! From functions to tapes: what is needed of each node, which operations are fused, and which registers values get.
 
-use std::collections::{HashMap, HashSet};
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::{Code, Instruction, Products, Tape};
 use crate::expr::ops::{Operands, Operator};
@@ -26,14 +26,14 @@ struct Lowering<'a> {
     arena: &'a Arena,
     function: &'a Function,
     nodes: Vec<NodeId>,
-    needed: HashMap<NodeId, u8>,
-    uses: HashMap<NodeId, u32>,
+    needed: FxHashMap<NodeId, u8>,
+    uses: FxHashMap<NodeId, u32>,
     /// Sines and cosines that are needed, by their angles.
-    waves: HashMap<(Operator, NodeId), NodeId>,
+    waves: FxHashMap<(Operator, NodeId), NodeId>,
     /// Products and quotients that are computed by what reads them.
-    absorbed: HashSet<NodeId>,
+    absorbed: FxHashSet<NodeId>,
     /// Virtual register of each component; pinned ones first.
-    registers: HashMap<NodeId, [u32; 4]>,
+    registers: FxHashMap<NodeId, [u32; 4]>,
     constants: &'a Constants,
     inputs_at: u16,
     pinned: u32,
@@ -67,11 +67,11 @@ impl<'a> Lowering<'a> {
             arena,
             function,
             nodes,
-            needed: HashMap::new(),
-            uses: HashMap::new(),
-            waves: HashMap::new(),
-            absorbed: HashSet::new(),
-            registers: HashMap::new(),
+            needed: FxHashMap::default(),
+            uses: FxHashMap::default(),
+            waves: FxHashMap::default(),
+            absorbed: FxHashSet::default(),
+            registers: FxHashMap::default(),
             constants,
             inputs_at,
             pinned: u32::from(first_temporary),
@@ -190,7 +190,7 @@ impl<'a> Lowering<'a> {
     /// `a * b + c`, `a * b - c` and `c - a * b`, where nothing else reads the product, are one instruction, and so is a constant
     /// times `1 / a`: finds such products and quotients.
     fn find_absorbed(&mut self) {
-        let mut absorbed = HashSet::new();
+        let mut absorbed = FxHashSet::default();
         for id in self.nodes.iter().filter(|id| self.needed.contains_key(id)) {
             let node = self.arena.node(*id);
             match node.op {
@@ -302,13 +302,13 @@ impl<'a> Lowering<'a> {
     /// once. Powers and squares, and their derivatives, are made of these.
     fn pair_complex_products(&mut self) {
         // Sums by the registers that they read, since all of them are those of the difference.
-        let mut sums: HashMap<[u32; 4], Vec<usize>> = HashMap::new();
+        let mut sums: FxHashMap<[u32; 4], Vec<usize>> = FxHashMap::default();
         for (i, (code, operands)) in self.instructions.iter().enumerate() {
             if *code == Code::Products(Products::Sum) {
                 sums.entry(operands.first_factors()).or_default().push(i);
             }
         }
-        let mut taken = HashSet::new();
+        let mut taken = FxHashSet::default();
         for i in 0..self.instructions.len() {
             let (code, real) = self.instructions[i];
             if code != Code::Products(Products::Difference) {
@@ -354,18 +354,18 @@ impl<'a> Lowering<'a> {
 
     /// Maps virtual to physical registers: pinned ones stay, temporaries are reused after their last use.
     fn allocate(self, outputs: Vec<u32>) -> Tape {
-        let mut last_use: HashMap<u32, usize> = HashMap::new();
+        let mut last_use: FxHashMap<u32, usize> = FxHashMap::default();
         for (position, (_, operands)) in self.instructions.iter().enumerate() {
             for register in operands.sources().chain(operands.targets()) {
                 last_use.insert(register, position);
             }
         }
         last_use.extend(outputs.iter().map(|&register| (register, usize::MAX)));
-        let mut physical: HashMap<u32, u16> = HashMap::new();
+        let mut physical: FxHashMap<u32, u16> = FxHashMap::default();
         let mut free: Vec<u16> = Vec::new();
         let mut count = self.pinned as u16;
         let pinned = self.pinned;
-        let place = |map: &HashMap<u32, u16>, register: u32| {
+        let place = |map: &FxHashMap<u32, u16>, register: u32| {
             if register < pinned { register as u16 } else { map[&register] }
         };
         let mut instructions = Vec::with_capacity(self.instructions.len());
@@ -400,7 +400,7 @@ impl<'a> Lowering<'a> {
             instructions.push(Instruction { code: *code, operands: result });
         }
         let input_count = Port::scalars(&self.function.inputs) as u16;
-        let mut read: HashSet<u32> = outputs.iter().copied().collect();
+        let mut read: FxHashSet<u32> = outputs.iter().copied().collect();
         read.extend(self.instructions.iter().flat_map(|(_, operands)| operands.sources()));
         Tape {
             name: self.function.name.clone(),

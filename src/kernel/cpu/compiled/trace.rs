@@ -4,8 +4,9 @@
 //! do with numbers is what gets recorded. So compiled code does what the interpreter does, operation by operation.
 
 use std::cell::RefCell;
-use std::collections::HashMap;
 use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use rustc_hash::FxHashMap;
 
 use crate::kernel::cpu::interpret::Machine;
 use crate::math::Precision;
@@ -169,7 +170,7 @@ impl Operation {
 pub(super) struct Recorder {
     precision: Precision,
     operations: RefCell<Vec<Operation>>,
-    known: RefCell<HashMap<Operation, Value>>,
+    known: RefCell<FxHashMap<Operation, Value>>,
 }
 
 impl Recorder {

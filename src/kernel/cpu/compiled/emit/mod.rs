@@ -5,8 +5,9 @@
 
 mod outputs;
 
-use std::collections::HashMap;
 use std::ops::Range;
+
+use rustc_hash::FxHashMap;
 
 use super::active::Active;
 use super::assemble::{Assembler, Function, Source};
@@ -62,7 +63,7 @@ struct Emitter<'a> {
     /// Where a value goes in the end.
     targets: Vec<Option<Target>>,
     /// The last reads of what slots hold when the segment starts.
-    reads: HashMap<u16, u32>,
+    reads: FxHashMap<u16, u32>,
     /// Slots whose values are dead, but which the current operation may still read from.
     dying_slots: Vec<u16>,
     vectors: [Option<Value>; MOST_REGISTERS],
@@ -99,7 +100,7 @@ impl<'a> Emitter<'a> {
             memory: vec![None; count],
             spilled: vec![false; count],
             targets: vec![None; count],
-            reads: HashMap::new(),
+            reads: FxHashMap::default(),
             dying_slots: Vec::new(),
             vectors: [None; MOST_REGISTERS],
             masks: [None; MASKS],
