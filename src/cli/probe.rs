@@ -157,18 +157,19 @@ impl Probe<'_> {
         let mut estimates: Vec<(&str, Vec<f64>)> = Vec::new();
         let mut orbits = None;
         for method in plan.applicable() {
-            let mut answers = self.estimate(&plan.choices, Some(method), points, &first_step)?;
-            if method.is_difference() {
+            let answers = match method {
                 // The step of finite differences follows from the estimate itself.
-                let steps: Vec<f64> = answers[0].iter().map(|de| plan.difference_step.length(*de, smallest)).collect();
-                answers = self.estimate(&plan.choices, Some(method), points, &steps)?;
-            }
-            if method.is_certified() {
-                answers = self.prove(&plan, method, points)?;
-            }
-            estimates.push((method.name(), answers[0].clone()));
+                _ if method.is_difference() => self.rounds(&plan, (method, points, &first_step), 2, |answers, steps| {
+                    let length = |de: &f64| plan.difference_step.length(*de, smallest);
+                    steps.iter_mut().zip(&answers[0]).for_each(|(step, de)| *step = length(de));
+                })?,
+                _ if method.is_certified() => self.prove(&plan, method, points)?,
+                _ => self.rounds(&plan, (method, points, &first_step), 1, |_, _| {})?,
+            };
+            let Some(last) = answers.into_iter().next_back() else { continue };
+            estimates.push((method.name(), last[0].clone()));
             // The orbit itself is the same with every method.
-            orbits.get_or_insert(answers);
+            orbits.get_or_insert(last);
         }
         let Some(orbits) = orbits else {
             return Err(usage("no method applies to all orbits", "ask `explain` which apply to each"));
@@ -191,24 +192,19 @@ impl Probe<'_> {
     }
 
     /// The largest proofs found: from far too much down to what holds, then up again in small steps.
-    fn prove(&self, plan: &Plan, method: Method, points: &[[f64; 3]]) -> Result<Vec<Vec<f64>>, Failure> {
+    fn prove(&self, plan: &Plan, method: Method, points: &[[f64; 3]]) -> Result<Vec<Answers>, Failure> {
         const ROUNDS: usize = 6;
-        let mut steps = vec![plan.bounding_radius; points.len()];
-        let mut best: Option<Vec<Vec<f64>>> = None;
-        for _ in 0..ROUNDS {
-            let answers = self.estimate(&plan.choices, Some(method), points, &steps)?;
+        let first = vec![plan.bounding_radius; points.len()];
+        let rounds = self.rounds(plan, (method, points, &first), ROUNDS, |answers, steps| {
             for (step, proven) in steps.iter_mut().zip(&answers[0]) {
                 *step = if *proven > 0.0 { (proven * 1.5).min(*step) } else { *step * 0.25 };
             }
-            best = Some(match best {
-                None => answers,
-                Some(mut known) => {
-                    known[0].iter_mut().zip(&answers[0]).for_each(|(a, b)| *a = a.max(*b));
-                    known
-                }
-            });
-        }
-        Ok(best.unwrap_or_default())
+        })?;
+        let best = rounds.into_iter().reduce(|mut best, answers| {
+            best[0].iter_mut().zip(&answers[0]).for_each(|(a, b)| *a = a.max(*b));
+            best
+        });
+        Ok(best.into_iter().collect())
     }
 
     /// Writes an answer as JSON or as text.
@@ -230,22 +226,58 @@ impl Probe<'_> {
         orbits.first().map_or(3, |orbit| self.graph.state_width(orbit.root, &orbit.settings) as usize)
     }
 
-    /// Columns `de, inside, n, r, z` of a method at all points.
-    fn estimate(
+    /// Columns `de, inside, n, r, z` of a method at all points, once for each round: between two rounds `next` makes the
+    /// steps of the later one from the answers of the earlier one.
+    fn rounds(
         &self,
-        choices: &[Choice],
-        method: Option<Method>,
-        points: &[[f64; 3]],
-        steps: &[f64],
-    ) -> Result<Vec<Vec<f64>>, Failure> {
-        let choices: Vec<Choice> =
-            choices.iter().map(|c| Choice { method: method.unwrap_or(c.method), ..c.clone() }).collect();
+        plan: &Plan,
+        (method, points, steps): (Method, &[[f64; 3]], &[f64]),
+        count: usize,
+        next: impl Fn(&Answers, &mut [f64]),
+    ) -> Result<Vec<Answers>, Failure> {
+        let choices: Vec<Choice> = plan.choices.iter().map(|c| Choice { method, ..c.clone() }).collect();
         let estimator = compose_estimator(&self.composer(), &choices, Purpose::Probe);
         let kernel = Kernel::Estimate(estimator.map_err(|diagnostic| self.session.failure(diagnostic))?);
         let direction = |p: &[f64; 3]| self.arguments.direction.map_or_else(|| inwards(p), |d| inwards(&d.map(|x| -x)));
         let directions: Vec<[f64; 3]> = points.iter().map(direction).collect();
-        let columns = Estimator::columns(points, &directions, steps, 0.0);
-        self.work(&mut KernelJob { arena: self.arena, kernel: &kernel, columns: &columns })
+        let columns = |steps: &[f64]| Estimator::columns(points, &directions, steps, 0.0);
+        self.work(&mut Rounds { arena: self.arena, kernel: &kernel, columns, steps, count, next })
+    }
+}
+
+/// Columns of results.
+type Answers = Vec<Vec<f64>>;
+
+/// Runs one kernel several times; the steps of a run follow from the run before.
+struct Rounds<'a, C, N> {
+    arena: &'a Arena,
+    kernel: &'a Kernel,
+    /// The inputs with these steps.
+    columns: C,
+    /// The steps of the first run.
+    steps: &'a [f64],
+    count: usize,
+    next: N,
+}
+
+impl<C: Fn(&[f64]) -> Answers, N: Fn(&Answers, &mut [f64])> Work for Rounds<'_, C, N> {
+    type Output = Vec<Answers>;
+
+    fn run<B: Backend>(
+        &mut self,
+        backend: &B,
+        _: &mut Kept<B>,
+        _: &mut dyn Observer,
+    ) -> Result<Vec<Answers>, BackendError> {
+        let prepared = backend.prepare(self.arena, self.kernel)?;
+        let (mut steps, mut rounds) = (self.steps.to_vec(), Vec::new());
+        for _ in 0..self.count {
+            let columns = backend.upload(&(self.columns)(&steps))?;
+            let answers = backend.download(&backend.run(&prepared, &[&columns])?)?;
+            (self.next)(&answers, &mut steps);
+            rounds.push(answers);
+        }
+        Ok(rounds)
     }
 }
 
