@@ -134,8 +134,9 @@ impl Cpu {
 /// Whether a kernel of this process had to be interpreted where it should have become machine code.
 static INTERPRETED: AtomicBool = AtomicBool::new(false);
 
-/// Whether the system forbids what the processor could do.
-fn is_refused() -> bool {
+/// Whether the system refuses to make memory executable, as service managers and sandboxes may: kernels are interpreted then.
+/// False on processors that no machine code is made for.
+pub fn is_refused() -> bool {
     #[cfg(target_arch = "x86_64")]
     return !compiled::is_allowed();
     #[cfg(not(target_arch = "x86_64"))]

@@ -1,6 +1,7 @@
 //! Adapters: which there are, and which one is taken.
 
 use crate::kernel::BackendError;
+use crate::kernel::cpu::is_refused;
 
 /// Which adapters are good enough.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -66,13 +67,13 @@ fn sorted(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
     adapters
 }
 
-/// The best adapter of the kind wanted.
+/// The best adapter of the kind wanted. Software drivers make machine code, and end the process where the system refuses that.
 pub(super) fn choose(wanted: AdapterWanted) -> Result<(wgpu::Adapter, AdapterInfoLine), BackendError> {
     let all = sorted(&instance());
-    let mut software = Vec::new();
+    let (mut software, takes_software) = (Vec::new(), wanted == AdapterWanted::Any && !is_refused());
     for adapter in all {
         let line = AdapterInfoLine::new(&adapter.get_info());
-        if wanted == AdapterWanted::Any || !line.is_software {
+        if takes_software || !line.is_software {
             return Ok((adapter, line));
         }
         software.push(line.name);
@@ -80,6 +81,7 @@ pub(super) fn choose(wanted: AdapterWanted) -> Result<(wgpu::Adapter, AdapterInf
     Err(BackendError::NoAdapter(if software.is_empty() {
         "no Vulkan, Metal or Direct3D 12 driver was found".to_string()
     } else {
-        format!("only software drivers were found ({})", software.join(", "))
+        let why = if is_refused() { ", and the system refuses the machine code that they make" } else { "" };
+        format!("only software drivers were found ({}){why}", software.join(", "))
     }))
 }

@@ -33,8 +33,6 @@ fn refused(folder: &Path, arguments: &[&str]) -> Output {
     };
     // SAFETY: what runs between fork and exec makes two system calls and no more.
     unsafe { command.pre_exec(set) };
-    // A software driver makes code too, and may crash where it must not.
-    command.env("VK_DRIVER_FILES", "/none").env("VK_ICD_FILENAMES", "/none");
     command.args(arguments).output().expect("a filter can be set")
 }
 
@@ -55,6 +53,29 @@ fn who_interprets_says_so() {
     // The files differ in what they say of their back ends.
     let read = |name: &str| pixels(&folder.path().join(name));
     assert!(read("free.png") == read("denied.png"), "both give the same picture");
-    let doctor = String::from_utf8_lossy(&refused(folder.path(), &["doctor"]).stdout).into_owned();
+    let doctor = refused(folder.path(), &["doctor"]);
+    assert!(doctor.status.success(), "{:?}: {}", doctor.status, stderr(&doctor));
+    let doctor = String::from_utf8_lossy(&doctor.stdout).into_owned();
     assert!(doctor.contains("the system refuses machine code") && !doctor.contains("machine code for"), "{doctor}");
+}
+
+/// A software driver makes code too, and would end the process: it is left alone, whoever asks for it.
+#[cfg(feature = "gpu")]
+#[test]
+fn software_drivers_are_left_alone() {
+    let folder = folder();
+    let adapters = bulbfold(folder.path(), ["doctor"]);
+    let adapters = String::from_utf8_lossy(&adapters.stdout).into_owned();
+    if !adapters.contains("in software") {
+        assert!(std::env::var_os("BULBFOLD_REQUIRE_GPU").is_none(), "no software driver: {adapters}");
+        eprintln!("there is no software driver that could crash");
+        return;
+    }
+    let picture = [&["render", "mandelbulb", "-oa.png"][..], &SMALL].concat();
+    let picture: Vec<&str> = picture.iter().map(|word| if *word == "cpu" { "gpu" } else { word }).collect();
+    for arguments in [&picture[..], &["probe", "mandelbulb", "--point", "1,0,0", "--backend", "gpu"]] {
+        let output = refused(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {:?} {}", output.status, stderr(&output));
+        assert!(stderr(&output).contains("the system refuses the machine code"), "{}", stderr(&output));
+    }
 }
