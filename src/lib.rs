@@ -55,6 +55,7 @@ pub mod compose;
 pub mod diag;
 pub mod engine;
 pub mod exchange;
+pub mod explore;
 pub mod expr;
 pub mod files;
 pub mod film;

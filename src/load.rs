@@ -9,7 +9,7 @@ use crate::diag::{Diagnostic, Diagnostics, Severity, SourceId};
 use crate::formula::embedded;
 use crate::formula::library::Library;
 use crate::formula::ron::{Limits, read_ron};
-use crate::formula::value::Value;
+use crate::formula::value::{Value, ValueKind};
 use crate::graph::script::run_script;
 use crate::graph::{
     Imports, IterationLimit, Node, NodeKind, Override, PRESET, ValidGraph, Wanted, expand_presets, patched, read,
@@ -285,16 +285,7 @@ fn load_value(
         d.push(Diagnostic::error(format!("{name} is empty")).help(help));
         return None;
     }
-    let is_script = Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
-    let mut value = match is_script {
-        true => run_script(library, id, &overrides, d)?,
-        false => read_ron(&library.sources, id, &Limits::default(), d)?,
-    };
-    let expanded = expand_presets(&value, &overrides, d)?;
-    if is_script && overrides.iter().any(|change| change.path == PRESET) {
-        // A script takes its parameters while it runs, and only then says what its presets are.
-        value = run_script(library, id, &expanded, d)?;
-    }
+    let (value, expanded) = expanded(library, (name, id), &overrides, d)?;
     let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut files = Vec::new();
     let imports = load_objects(library, (&value, &expanded), beside, &mut files, d);
@@ -303,6 +294,57 @@ fn load_value(
         graph = graph.without_calibration();
     }
     (!d.has_errors()).then_some(Loaded { graph, text: id, set, is_builtin: false, files })
+}
+
+/// The value that a text stands for, and what is changed in it once presets are spelled out.
+fn expanded(
+    library: &Library,
+    (name, id): (&str, SourceId),
+    overrides: &[Override],
+    d: &mut Diagnostics,
+) -> Option<(Value, Vec<Override>)> {
+    let is_script = Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
+    let mut value = match is_script {
+        true => run_script(library, id, overrides, d)?,
+        false => read_ron(&library.sources, id, &Limits::default(), d)?,
+    };
+    let expanded = expand_presets(&value, overrides, d)?;
+    if is_script && overrides.iter().any(|change| change.path == PRESET) {
+        // A script takes its parameters while it runs, and only then says what its presets are.
+        value = run_script(library, id, &expanded, d)?;
+    }
+    Some((value, expanded))
+}
+
+/// The value tree of a formula with all that is changed in it in its place: parameters have their values as defaults. What is wrong is
+/// pushed.
+pub fn tree(library: &mut Library, bundle: &Bundle, d: &mut Diagnostics) -> Option<Value> {
+    let overrides = read_overrides(library, &bundle.set, d);
+    let id = library.sources.add(bundle.name.as_str(), bundle.text.as_str());
+    let (value, expanded) = expanded(library, (&bundle.name, id), &overrides, d)?;
+    let (mut tree, params) = patched(&value, &expanded, d);
+    for (name, value) in params {
+        set_default(&mut tree, &name, value);
+    }
+    Some(tree)
+}
+
+/// Gives a parameter of a value tree another default.
+fn set_default(tree: &mut Value, param: &str, value: Value) {
+    let mut at = tree;
+    for part in ["params", param, "default"] {
+        let found = match &mut at.kind {
+            ValueKind::Struct { fields, .. } => fields.iter_mut().find(|(name, _)| name.text == part).map(|(_, v)| v),
+            ValueKind::Map(items) => {
+                let is_key = |key: &Value| matches!(&key.kind, ValueKind::Str(text) if text == part);
+                items.iter_mut().find(|(key, _)| is_key(key)).map(|(_, v)| v)
+            }
+            _ => None,
+        };
+        let Some(found) = found else { return };
+        at = found;
+    }
+    *at = value;
 }
 
 /// Whether a change makes a calibrated estimate of the file one of another picture.
