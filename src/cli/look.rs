@@ -4,7 +4,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use bulbfold::chart::{Drawing, Item, Text, raster};
 use bulbfold::engine::{CameraChange, Formula, Request};
 use bulbfold::film::Image;
 use bulbfold::render::{FoundView, Search};
@@ -13,7 +12,8 @@ use clap::Args;
 
 use super::arguments::{AutoArgs, BackendArg, FormulaArgs, parse_size};
 use super::camera::flags;
-use super::output::{Content, check_output, not_written, refuse_both};
+use super::contact::{self, Cell, columns_of};
+use super::output::{Content, check_output, refuse_both};
 use super::progress::Progress;
 use super::session::{refuse_plane, talk};
 use super::{Failure, Outcome, Session, message};
@@ -57,10 +57,6 @@ pub struct Arguments {
 
 /// Samples along each edge of a pixel.
 const SAMPLES: u32 = 2;
-/// Space around pictures, size of numbers, and their place in a picture.
-const SPACE: f64 = 8.0;
-const NUMBER: f64 = 18.0;
-
 /// Runs the command.
 pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     let stem = Path::new(&arguments.formula.file).file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -89,8 +85,11 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     // The closest view is the most demanding one: what is chosen for it serves all.
     let request = Request { camera: seen_from(closest), ..base };
     let pictures = pictures(arguments, session, &formula, (&request, &views))?;
-    let sheet = sheet(&pictures, arguments.size).map_err(|error| Failure::Work(message(&error, "")))?;
-    sheet.write_png_to(&output).map_err(|error| not_written(&output, &error))?;
+    let numbered = pictures.into_iter().enumerate();
+    let cell = |(i, picture)| Cell { picture: Some(picture), corner: format!("{}", i + 1), ..Cell::default() };
+    let cells: Vec<Cell> = numbered.map(cell).collect();
+    let columns = columns_of(cells.len()).min(4);
+    contact::write(&output, cells, arguments.size, columns, "Views")?;
     for (number, view) in views.iter().enumerate() {
         let (worth, hits) = ((100.0 * view.score).round(), (100.0 * view.hits).round());
         writeln!(out, "{:>2}  worth {worth:>2}, hits {hits:>2} %  {}", number + 1, flags(&view.camera, own).join(" "))?;
@@ -136,21 +135,4 @@ fn seen_from(view: &FoundView) -> CameraChange {
         fov: Some(camera.fov),
         ..CameraChange::default()
     }
-}
-
-/// The pictures on one page, with their numbers.
-fn sheet(pictures: &[Image], size: Size) -> Result<Image, String> {
-    let count = pictures.len();
-    let columns = (count as f64).sqrt().ceil().clamp(1.0, 4.0);
-    let rows = (count as f64 / columns).ceil();
-    let [width, height] = [f64::from(size.width) + SPACE, f64::from(size.height) + SPACE];
-    let mut page = Drawing::new(columns * width + SPACE, rows * height + SPACE, "Views");
-    for (number, picture) in pictures.iter().enumerate() {
-        let (row, column) = ((number as f64 / columns).floor(), (number as f64) % columns);
-        let [left, top] = [SPACE + column * width, SPACE + row * height];
-        page.items.push(Item::Picture([left, top, width - SPACE, height - SPACE], picture.clone()));
-        let number = Text::new([left + SPACE, top + SPACE + NUMBER * 0.7], (number + 1).to_string(), NUMBER);
-        page.text(number.bold().halo());
-    }
-    raster(&page, 1.0)
 }

@@ -10,6 +10,8 @@ mod arguments;
 mod audit;
 mod backend;
 mod bench;
+#[cfg(feature = "chart")]
+mod breed;
 mod calibrate;
 mod calibrate_write;
 mod calibration;
@@ -19,6 +21,8 @@ mod chart;
 mod check;
 mod clean;
 mod compile;
+#[cfg(feature = "chart")]
+mod contact;
 mod cost;
 mod docs;
 mod doctor;
@@ -60,6 +64,8 @@ mod progress;
 mod range;
 mod render;
 mod session;
+#[cfg(feature = "chart")]
+mod sheet;
 mod shell;
 mod show;
 mod stats;
@@ -68,6 +74,8 @@ mod taken;
 mod test;
 mod truth;
 mod truth_table;
+#[cfg(feature = "chart")]
+mod vary;
 #[cfg(feature = "chart")]
 mod view;
 mod watch;
@@ -136,6 +144,15 @@ enum Command {
     /// Find views that are worth it, and show them on a contact sheet.
     #[cfg(feature = "chart")]
     Look(look::Arguments),
+    /// Show formulas, presets and values of parameters side by side on a contact sheet.
+    #[cfg(feature = "chart")]
+    Sheet(sheet::Arguments),
+    /// Make variations of a formula, and show those that are worth it.
+    #[cfg(feature = "chart")]
+    Vary(vary::Arguments),
+    /// Make formulas of two others, and show those that are worth it.
+    #[cfg(feature = "chart")]
+    Breed(breed::Arguments),
     /// List steps, fractals, scenes, scripts, palettes and materials.
     List(list::Arguments),
     /// Explain a step, a fractal, a palette or a material.
@@ -248,6 +265,12 @@ fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
         Command::Path(arguments) => path::run(arguments, &mut session()?, out),
         #[cfg(feature = "chart")]
         Command::Look(arguments) => look::run(arguments, &mut session()?, out),
+        #[cfg(feature = "chart")]
+        Command::Sheet(arguments) => sheet::run(arguments, &mut session()?, out),
+        #[cfg(feature = "chart")]
+        Command::Vary(arguments) => vary::run(arguments, &mut session()?, out),
+        #[cfg(feature = "chart")]
+        Command::Breed(arguments) => breed::run(arguments, &mut session()?, out),
         Command::List(arguments) => list::run(arguments, &mut session()?, out),
         Command::Explain(arguments) => explain::run(arguments, &mut session()?, out),
         Command::Show(arguments) => show::run(arguments, out),

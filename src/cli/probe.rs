@@ -159,10 +159,12 @@ impl Probe<'_> {
         for method in plan.applicable() {
             let answers = match method {
                 // The step of finite differences follows from the estimate itself.
-                _ if method.is_difference() => self.rounds(&plan, (method, points, &first_step), 2, |answers, steps| {
-                    let length = |de: &f64| plan.difference_step.length(*de, smallest);
-                    steps.iter_mut().zip(&answers[0]).for_each(|(step, de)| *step = length(de));
-                })?,
+                _ if method.is_difference() => {
+                    self.rounds(&plan, (method, points, &first_step), 2, |answers, steps| {
+                        let length = |de: &f64| plan.difference_step.length(*de, smallest);
+                        steps.iter_mut().zip(&answers[0]).for_each(|(step, de)| *step = length(de));
+                    })?
+                }
                 _ if method.is_certified() => self.prove(&plan, method, points)?,
                 _ => self.rounds(&plan, (method, points, &first_step), 1, |_, _| {})?,
             };

@@ -123,7 +123,8 @@ pub struct Encloser<'g> {
 impl<'g> Encloser<'g> {
     /// Each node ranges over the ball of this radius around itself.
     pub fn new(arena: &'g Arena, balls: &[(Expr<'g>, Expr<'g>)]) -> Self {
-        let mut encloser = Encloser { arena, known: FxHashMap::default(), balls: FxHashMap::default(), jumps: arena.bool(false) };
+        let mut encloser =
+            Encloser { arena, known: FxHashMap::default(), balls: FxHashMap::default(), jumps: arena.bool(false) };
         for &(centre, radius) in balls {
             let bounds = centre.components().into_iter().map(|x| Bounds::around(x, radius)).collect();
             encloser.known.insert(centre.id, bounds);
