@@ -319,6 +319,10 @@ fn quick<'a>(words: &[&'a str]) -> Vec<&'a str> {
         }
         "check" | "calibrate" => put(&mut quick, "--size", "64x48"),
         "truth" => put(&mut quick, "--rays", "40"),
+        "vary" => {
+            put(&mut quick, "--count", "2");
+            put(&mut quick, "--size", "64x48");
+        }
         _ => {}
     }
     quick

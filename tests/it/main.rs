@@ -26,6 +26,8 @@ mod engine;
 mod estimate_settings;
 mod examples;
 mod exchange;
+#[cfg(feature = "chart")]
+mod explore;
 mod expressions;
 mod film;
 mod films;
