@@ -66,7 +66,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let formula = session.open(&arguments.formula.file, &arguments.formula.changes())?;
     session.spare_inputs(&output)?;
     refuse_plane(formula.graph(), "`look`")?;
-    session.engine = std::mem::take(&mut session.engine).keeping_kernels();
+    session.keeping_kernels();
     let base =
         Request { samples: SAMPLES, backend: arguments.backend.choice(), ..arguments.estimate.request(arguments.size) };
     let own = formula.graph().scene.camera;

@@ -96,7 +96,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, _: &mut dyn Write) -> O
         }
     }
     session.spare_inputs(&target)?;
-    session.engine = std::mem::take(&mut session.engine).keeping_kernels();
+    session.keeping_kernels();
     let request =
         Request { samples: SAMPLES, backend: arguments.backend.choice(), ..arguments.estimate.request(arguments.size) };
     let mut progress = Progress::new(arguments.quiet);

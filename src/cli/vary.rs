@@ -148,7 +148,7 @@ pub(super) fn raise(
     out: &mut dyn Write,
 ) -> Outcome {
     session.spare_inputs(&places.sheet)?;
-    session.engine = std::mem::take(&mut session.engine).keeping_kernels();
+    session.keeping_kernels();
     let request = Request { samples: SAMPLES, backend: brood.backend.choice(), ..brood.estimate.request(brood.size) };
     let judge = Judge::of(&session.engine, formulas, &request).map_err(|error| session.failed(error))?;
     let mut progress = Progress::new(brood.quiet);

@@ -118,7 +118,7 @@ fn the_judge_names_what_is_no_picture() {
         (
             Reason::Dust,
             with(
-                "\"b\": Sphere(radius: 0.035), \"a\": Tile(of: \"b\", period: (1, 1, 1))",
+                "\"b\": Sphere(radius: 0.1), \"a\": Tile(of: \"b\", period: (1, 1, 1))",
                 "position: (0.5, -9.5, 0.5), target: (0.6, 0, 0.4)",
             ),
         ),
