@@ -17,6 +17,8 @@ const LEAST_STEP_OF_PROOFS: f64 = 1.0 / 16.0;
 const INSTEAD_OF_PROOFS: [Method; 3] = [Method::Combined, Method::Gradient, Method::Scalar];
 /// Step multiplier of those estimates.
 const FUDGE_INSTEAD_OF_PROOFS: f64 = 0.35;
+/// Step multiplier below which an estimate says where to look next, and not how far the surface is.
+const LEAST_TRUSTED: f64 = 0.2;
 /// Balls that a step is long at most: these rays leave a surface, and estimates grow along them.
 const MOST: f64 = 3.0;
 /// Hit thresholds of primary rays that one of theirs is as large as: half a pixel of shadow is not seen.
@@ -41,6 +43,13 @@ pub fn shadow_plan(plan: &Plan) -> Plan {
         (plan.fudge, plan.least_step) = (FUDGE_INSTEAD_OF_PROOFS, LEAST_STEP);
     }
     plan
+}
+
+/// Whether the march of a plan's shadow rays can tell how near they come to what hides a light: estimates that have to be multiplied by less
+/// than [`LEAST_TRUSTED`] do not fall to 0 at the surface, and proofs tell nothing but empty stretches.
+pub fn tells_nearness(plan: &Plan) -> bool {
+    let plan = shadow_plan(plan);
+    plan.fudge >= LEAST_TRUSTED && !plan.choices.iter().any(|choice| choice.method.is_certified())
 }
 
 /// The march of shadow rays. The status says whether they hit; of the other columns only the counts and, of lights with soft edges,
@@ -95,7 +104,7 @@ impl Disc {
     }
 
     /// Whether a march gives shares instead of hits.
-    fn is_soft(self) -> bool {
+    pub fn is_soft(self) -> bool {
         !matches!(self, Disc::Sharp(_))
     }
 }
@@ -131,7 +140,8 @@ fn compose_soft_march(arena: &Arena, estimator: Estimator, settings: &MarchSetti
         Disc::Angle(radius) | Disc::Sharp(radius) => far * radius,
         Disc::Ball(radius) => far * radius / (ray.t_far - ray.t_near).max(walk),
     };
-    let share = (usable * settings.fudge / width.max(walk * 0.25)).min(one);
+    // How near it is, whatever steps are multiplied by.
+    let share = (usable / width.max(walk * 0.25)).min(one);
     let least = is_known(state.t_outside).select(state.t_outside.min(share), share);
     let hidden = inside.or(least.lt(arena.f(HIDDEN)));
     let next = state.t + now.longest_step(settings).map_or(step, |longest| step.min(longest));

@@ -14,7 +14,7 @@ use crate::expr::Arena;
 use crate::film::{Develop, Layer, compose_develop};
 use crate::graph::{Camera, Look, Plane};
 use crate::kernel::{Kernel, March};
-use crate::march::{MarchSettings, Threshold, compose_march};
+use crate::march::{MarchSettings, Threshold, compose_march, tells_nearness};
 use crate::shade::{self, Lighting};
 
 /// Samples of a picture that a search for a box pays for.
@@ -101,7 +101,10 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     // Files state what the background looks like, and light is mixed with light.
     let scene = &composer.graph.scene;
     let lighting = Lighting::new(scene, &camera, plan.bounding_radius, |shown| develop.radiance_of(shown));
-    let lighting = lighting.map_err(|error| Diagnostic::error(error.to_string()))?;
+    let mut lighting = lighting.map_err(|error| Diagnostic::error(error.to_string()))?;
+    if settings.path.is_none() && !tells_nearness(&plan) {
+        lighting = lighting.in_points();
+    }
     let look = &scene.look;
     let arena = composer.arena;
     let pixel = shade::threshold(&camera, settings.size);

@@ -1,11 +1,12 @@
 //! The light of a picture: what a scene says of it, in world axes and as radiance.
 
 use super::CameraFrame;
-use super::light::placed;
+use super::light::{in_points, placed};
 use super::sky::{self, Irradiance};
 use crate::expr::{Arena, Expr};
 use crate::graph::{Atmosphere, Camera, Environment, Light, Scene};
 use crate::kernel::BackendError;
+use crate::march::Disc;
 
 /// The light of a picture.
 #[derive(Clone, PartialEq, Debug)]
@@ -31,6 +32,11 @@ struct Backdrop {
     top: [f64; 3],
     up: [f64; 3],
 }
+
+/// Lights without extent that stand for one with soft edges.
+const POINTS: usize = 8;
+/// Most of them in a picture.
+const MOST_POINTS: usize = 96;
 
 impl Lighting {
     /// The light of a scene seen through a camera; `radiance_of` gives the radiance that is shown as a colour.
@@ -63,6 +69,16 @@ impl Lighting {
             irradiance: Irradiance::new(&scene.environment, up)?,
             backdrop,
         })
+    }
+
+    /// The same light where the march of shadow rays tells no more than hit or miss: lights with soft edges are several without.
+    #[must_use]
+    pub fn in_points(mut self) -> Lighting {
+        let count = (MOST_POINTS / self.lights.len().max(1)).clamp(1, POINTS);
+        let is_soft = |light: &Light| light.shadows && Disc::of(light).is_soft();
+        let points = |light: &Light| if is_soft(light) { in_points(light, count) } else { vec![light.clone()] };
+        self.lights = self.lights.iter().flat_map(points).collect();
+        self
     }
 
     /// The lights that cast shadows, by number.

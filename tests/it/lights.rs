@@ -1,7 +1,7 @@
 //! Lights, surroundings and air: pictures of shapes whose radiance is known.
 
 use bulbfold::engine::{Engine, Request};
-use bulbfold::render::Sampling;
+use bulbfold::render::{PathTracing, Sampling};
 use bulbfold::shade::Size;
 
 use crate::support::{bulbfold, folder_with, pixels, success};
@@ -89,6 +89,25 @@ fn a_ball_throws_a_soft_shadow_whose_edge_grows_with_the_light() {
     };
     let (sharp, soft, softer) = (partly(0.5), partly(8.0), partly(16.0));
     assert!(sharp <= 2 && soft > sharp && softer > soft, "{sharp} {soft} {softer}");
+}
+
+/// Where estimates have to be multiplied by a small number they do not say how near the surface is: the shadow of a bulb on a floor is as long
+/// as paths of light find it.
+#[test]
+fn soft_shadows_are_those_of_paths_where_estimates_say_little() {
+    let scene = format!(
+        "(nodes: {{\"bulb\": bulb_power(power: 8.0), \"floor\": Plane(normal: (0, 0, 1), offset: -1.3)}}, output: Union([\"bulb\", \"floor\"]),
+          escape_radius: 10.0, max_iterations: 8, bounding_radius: 6.0, estimate: (method: \"scalar\", fudge: 0.15),
+          camera: (position: (4, 0, 2.7), target: (4, 0, -1.3), up: (0, 1, 0), fov: 40),
+          look: (occlusion: 0.0, palette: [(1, 1, 1)]), {DARK},
+          light: {{\"sun\": Sun(direction: (-2, 0, 1), strength: 1.0, angle: 6.0)}})"
+    );
+    let row = |light: &[[f32; 3]]| -> f32 { light[24 * 48..25 * 48].iter().map(|rgb| rgb[0]).sum() };
+    let path = PathTracing { samples: 64, bounces: 1, ..PathTracing::default() };
+    let truth = row(&radiance_with(&scene, (48, 48), |request| Request { path: Some(path), ..request }));
+    let direct = row(&radiance(&scene, (48, 48)));
+    // By how near the estimate says that rays pass, next to nothing was lit.
+    assert!((direct / truth - 1.0).abs() < 0.15, "{direct} {truth}");
 }
 
 #[test]
