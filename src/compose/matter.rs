@@ -7,7 +7,7 @@ use super::paint::{distances, paint, usable_trap};
 use super::{ComposeResult, Composer};
 use crate::expr::{Arena, Expr, Function, Inputs, Type};
 use crate::formula::material::{INPUTS, OUTPUTS};
-use crate::graph::{Blend, By, Layer, Look, MOST_LAYERS, Paint, Spread};
+use crate::graph::{Blend, By, Layer, Look, MOST_LAYERS, MaterialUse, Paint, Spread};
 use crate::kernel::records::Matter;
 
 /// What is known of a place of a surface.
@@ -209,6 +209,26 @@ fn constants(look: &Look) -> Vec<Option<[f64; 3]>> {
         look.paints().all(|paint| of(paint, i) == Some(first)).then_some(first)
     };
     (0..OUTPUTS.len()).map(shared).collect()
+}
+
+/// Whether a field of a material is, or may be somewhere, a number of which `is` holds.
+fn may_be(used: &MaterialUse, name: &str, is: impl Fn(f64) -> bool) -> bool {
+    let field = OUTPUTS.iter().position(|output| output.0 == name).unwrap_or_default();
+    used.study.constant(field).is_none_or(|value| is(value[0]))
+}
+
+/// Whether some surface of a look may mirror: its own layer or its coat is less rough than `blurred` somewhere.
+pub(crate) fn may_mirror(look: &Look, blurred: f64) -> bool {
+    look.paints().filter_map(|paint| paint.material.as_ref()).any(|used| {
+        let is_smooth = |name: &str| may_be(used, name, |roughness| roughness < blurred);
+        is_smooth("roughness") || (may_be(used, "coat", |coat| coat > 0.0) && is_smooth("coat_roughness"))
+    })
+}
+
+/// Whether light may go through some surface of a look.
+pub(crate) fn may_transmit(look: &Look) -> bool {
+    let mut used = look.paints().filter_map(|paint| paint.material.as_ref());
+    used.any(|used| may_be(used, "transmission", |share| share > 0.0))
 }
 
 /// Writes what of a matter is not constant as the next outputs of a function.

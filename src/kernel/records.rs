@@ -291,6 +291,20 @@ record! {
         bounces: F,
         /// Light that it has found so far, linear.
         radiance: V3,
+        /// 1 where it goes on inside what light goes through, else 0.
+        inside: F,
+    }
+}
+
+record! {
+    /// What a pixel shows by way of mirrors.
+    pub struct Mirrored {
+        /// What of the light of the surface that the next ray meets reaches the camera, linear, by colour; 0 where the ray is not wanted.
+        throughput: V3,
+        /// Radiance of the surroundings that is shown already in place of that light.
+        counted: V3,
+        /// Light that is shown so far, linear.
+        radiance: V3,
     }
 }
 

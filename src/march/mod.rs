@@ -10,6 +10,7 @@
 
 mod beam;
 mod certified;
+mod inner;
 mod near;
 mod relaxed;
 mod shadow;
@@ -17,6 +18,7 @@ mod still;
 
 pub use beam::{beam_plan, compose_beam_march};
 pub use certified::is_undecided;
+pub use inner::compose_inner_march;
 pub use near::{LEAST_HEIGHT, closest, compose_corner_march, compose_passing_march, corner_plan, openness};
 pub use shadow::{Disc, SKIPPED, compose_shadow_march, is_hit_of, shadow_plan, share_lit, tells_nearness};
 pub use still::{compose_still, still_plan};

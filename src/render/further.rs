@@ -2,6 +2,7 @@
 
 use super::RenderSettings;
 use super::passes::{Passes, Role, Slot};
+use crate::compose::matter::may_transmit;
 use crate::compose::{Bounds, Composer, Plan, Purpose, compose_estimator};
 use crate::diag::Diagnostic;
 use crate::graph::{Camera, Light};
@@ -48,6 +49,16 @@ impl Further<'_> {
         let (arena, look) = (composer.arena, &composer.graph.scene.look);
         let paths = Paths { look, lighting, threshold: self.march.threshold(), bounds: self.bounds, sure_bounces: 3 };
         let point = [Slot::Rays, Slot::Ends, Slot::Surfaces, Slot::Paths, Slot::Randoms];
+        if may_transmit(look) {
+            let ray = Kernel::Map(shade::compose_inner_ray(arena));
+            passes.push(Role::InnerRay, [Slot::Rays, Slot::Paths], Slot::InnerRays, ray);
+            let plan = march::shadow_plan(self.plan);
+            let estimator = compose_estimator(composer, &plan.choices, Purpose::Estimate)?;
+            let inner = march::compose_inner_march(arena, estimator, &self.march_of(&plan));
+            passes.push(Role::InnerMarch, [Slot::InnerRays], Slot::InnerEnds, Kernel::March(inner));
+            let ends = [Slot::Ends, Slot::InnerEnds, Slot::Paths];
+            passes.push(Role::JoinEnds, ends, Slot::JoinedEnds, Kernel::Map(shade::compose_join_ends(arena)));
+        }
         let mut seen = point.to_vec();
         if !lighting.lights.is_empty() {
             let ray = paths.compose_light_ray(arena, SKIPPED);

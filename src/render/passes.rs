@@ -41,6 +41,20 @@ pub enum Role {
     PassingMarch,
     /// Rays through the middle of a lens to rays through its opening.
     Blur,
+    /// What is seen directly to what is shown before the first mirror.
+    MirrorStart,
+    /// Surfaces to the rays that they mirror.
+    MirrorRay,
+    /// What such a ray meets to what is shown with it.
+    MirrorStep,
+    /// What is shown to colours.
+    MirrorEnd,
+    /// Rays of paths to those inside what light goes through.
+    InnerRay,
+    /// Those to where they leave it.
+    InnerMarch,
+    /// Both ends of rays to the one that counts.
+    JoinEnds,
     /// Points of paths to rays towards the lights that are picked there.
     LightRay,
     /// Those rays to their ends.
@@ -75,6 +89,13 @@ impl Role {
             Role::CornerMarch => "corner_march",
             Role::PassingMarch => "passing_march",
             Role::Blur => "blur",
+            Role::MirrorStart => "mirror_start",
+            Role::MirrorRay => "mirror_ray",
+            Role::MirrorStep => "mirror_step",
+            Role::MirrorEnd => "mirror_end",
+            Role::InnerRay => "inner_ray",
+            Role::InnerMarch => "inner_march",
+            Role::JoinEnds => "join_ends",
             Role::LightRay => "light_ray",
             Role::LightMarch => "light_march",
             Role::BounceRay => "bounce_ray",
@@ -117,19 +138,29 @@ pub enum Slot {
     Corners,
     /// What a march of the picture's rays gave that looks how closely they pass, [`Marched`].
     Passing,
+    /// What is shown before a mirrored ray, [`Mirrored`](crate::kernel::records::Mirrored).
+    Mirrors,
+    /// The same after it.
+    MirrorsAfter,
     /// [`LensPoint`](crate::kernel::records::LensPoint)s.
     LensPoints,
     /// [`Ray`]s through the opening of a lens.
     BlurredRays,
     /// [`Path`](crate::kernel::records::Path)s before a point.
     Paths,
+    /// [`Ray`]s inside what light goes through.
+    InnerRays,
+    /// Where they leave it, [`Marched`].
+    InnerEnds,
+    /// The ends of rays on either side, [`Marched`].
+    JoinedEnds,
     /// The [`Random`](crate::kernel::records::Random) numbers of a point.
     Randoms,
     /// [`Ray`]s towards the lights that are picked there.
     LightRays,
     /// What their march gave, [`Marched`].
     Lit,
-    /// The [`Ray`]s on which paths go on.
+    /// The [`Ray`]s on which paths go on, or that surfaces mirror.
     NextRays,
     /// [`Path`](crate::kernel::records::Path)s after a point.
     NextPaths,

@@ -3,8 +3,8 @@
 use super::meter::Meter;
 use super::passes::{Chain, Pass, Passes, Role, Slot};
 use super::picture::Halt;
-use super::pixels::Pixels;
-use super::renderer::{bytes, timed};
+use super::pixels::{Pixels, bytes};
+use super::renderer::timed;
 use super::{PathTracing, Renderer, Stats};
 use crate::film::{Rows, Tile, windows};
 use crate::kernel::records::{Marched, Path, Random};
@@ -14,6 +14,8 @@ use crate::shade::first_path;
 /// Passes of a path's point, made ready on a back end.
 pub(super) struct Tracer<B: Backend> {
     point: Chain<B>,
+    /// Rays and ends to the ends of those inside what light goes through, where light does.
+    inner: Option<Chain<B>>,
     /// Rays to those through the opening of the lens, where it is open.
     blur: Option<Chain<B>>,
     settings: PathTracing,
@@ -77,9 +79,12 @@ impl<B: Backend> Tracer<B> {
         let has_lights = passes.get(Role::LightMarch).is_some();
         let wanted = [Slot::NextRays, Slot::NextPaths, Slot::Lit];
         let point = Chain::new(passes, &given, &wanted[..if has_lights { 3 } else { 2 }], &mut *prepare)?;
+        let has_inner = passes.get(Role::InnerMarch).is_some();
+        let ends = [Slot::Rays, Slot::Ends, Slot::Paths];
+        let inner = has_inner.then(|| Chain::new(passes, &ends, &[Slot::JoinedEnds], &mut *prepare)).transpose()?;
         let has_blur = passes.get(Role::Blur).is_some();
         let blur = has_blur.then(|| Chain::new(passes, &[Slot::Rays, Slot::LensPoints], &[Slot::BlurredRays], prepare));
-        Ok(Tracer { point, blur: blur.transpose()?, settings, has_lights })
+        Ok(Tracer { point, inner, blur: blur.transpose()?, settings, has_lights })
     }
 
     /// Paths through a pixel at most.
@@ -202,7 +207,12 @@ impl<B: Backend> Renderer<'_, B> {
         let first: Vec<Vec<f64>> = first_path().into_iter().map(|value| vec![value; places.len()]).collect();
         let mut paths = self.backend.upload(&first)?;
         for bounce in 0..tracer.settings.bounces.max(1) {
-            let ends = timed(&mut stats.march, || self.ends(&rays))?;
+            let mut ends = timed(&mut stats.march, || self.ends(&rays))?;
+            if let Some(inner) = tracer.inner.as_ref().filter(|_| bounce > 0) {
+                let given = [(Slot::Rays, &rays), (Slot::Ends, &ends), (Slot::Paths, &paths)];
+                let mut joined = timed(&mut stats.march, || inner.run(self.backend, &given, |_, _| {}))?;
+                ends = joined.take(Slot::JoinedEnds).expect("both ends are joined");
+            }
             let random = self.backend.upload(&randoms(places, sample, bounce, seed))?;
             let given = [(Slot::Rays, &rays), (Slot::Ends, &ends), (Slot::Paths, &paths), (Slot::Randoms, &random)];
             let mut written = tracer.point.run(self.backend, &given, |role, time| match role {

@@ -24,29 +24,38 @@ impl<'g> Face<'g> {
         let plain = || Matter::of_colour(paint(look, &look.paint.palette, usable_trap(surface.trap), None));
         Face { gradient: surface.gradient, matter: painted.unwrap_or_else(plain) }
     }
+
+    /// The surface, ready to be lit, as a ray sees it.
+    pub fn finish(&self, seen: &Seen<'g>) -> Finish<'g> {
+        let direction = seen.ray.direction;
+        Finish::new(&self.matter, facing_normal(self.gradient, direction), -direction)
+    }
 }
 
 /// What the colour of a pixel is made of besides its ray, its end and its surface: marches of other rays.
-struct Others<'g> {
+pub(super) struct Others<'g> {
     /// The march towards each light, where it casts shadows.
     shadows: Vec<Option<Marched<Expr<'g>>>>,
-    /// The march along the normal, where corners are darkened.
-    corner: Option<Marched<Expr<'g>>>,
-    /// The march that finds how closely the ray passes the surface, where there is a glow.
-    passing: Option<Marched<Expr<'g>>>,
+    /// How open the place is, where corners are darkened.
+    pub(super) open: Option<Expr<'g>>,
 }
 
 impl<'g> Others<'g> {
-    fn read(inputs: &mut Inputs<'g>, lighting: &Lighting) -> Others<'g> {
+    pub fn read(inputs: &mut Inputs<'g>, lighting: &Lighting) -> Others<'g> {
         let lights = (0..).zip(&lighting.lights);
         let shadows = lights.map(|(number, light): (u8, _)| {
             light.shadows.then(|| Marched::read_as(&format!("shadow_{number}_"), inputs))
         });
         let shadows = shadows.collect();
-        let corner = (lighting.occlusion > 0.0).then(|| Marched::read_as("corner_", inputs));
-        let passing = lighting.atmosphere.glow.map(|_| Marched::read_as("glow_", inputs));
-        Others { shadows, corner, passing }
+        Others { shadows, open: read_openness(inputs, lighting) }
     }
+}
+
+/// How open a place is to the surroundings, by the march along its normal, where corners are darkened.
+pub(super) fn read_openness<'g>(inputs: &mut Inputs<'g>, lighting: &Lighting) -> Option<Expr<'g>> {
+    let corner = (lighting.occlusion > 0.0).then(|| Marched::read_as("corner_", inputs))?;
+    let arena = corner.t.arena;
+    Some(arena.f(1.0).mix(openness(corner), arena.f(lighting.occlusion)))
 }
 
 /// Ray, march, surface and further marches to radiance: linear and without an upper end.
@@ -55,11 +64,11 @@ pub fn compose_colour(arena: &Arena, look: &Look, lighting: &Lighting) -> Functi
     let seen = Seen::read(&mut inputs);
     let face = Face::read(look, &mut inputs);
     let others = Others::read(&mut inputs, lighting);
+    let passing = lighting.atmosphere.glow.map(|_| Marched::read_as("glow_", &mut inputs));
     let mut function = inputs.function("colour");
-    let normal = facing_normal(face.gradient, seen.ray.direction);
-    let shown = reflected(arena, lighting, &seen, (normal, &face.matter), &others);
+    let shown = reflected(lighting, &seen, &face.finish(&seen), &others);
     let background = lighting.background(arena, seen.ray.direction);
-    let air = Air { arena, lighting, seen: &seen, passing: others.passing };
+    let air = Air { arena, lighting, seen: &seen, passing };
     Colour { colour: air.seen_through(shown, background) }.write(&mut function);
     function
 }
@@ -77,21 +86,19 @@ pub(crate) fn facing_normal<'g>(gradient: Expr<'g>, direction: Expr<'g>) -> Expr
 }
 
 /// Light that the surface sends to the viewer: of the lights, of the surroundings, and its own.
-fn reflected<'g>(
-    arena: &'g Arena,
+pub(super) fn reflected<'g>(
     lighting: &Lighting,
     seen: &Seen<'g>,
-    (normal, matter): (Expr<'g>, &Matter<Expr<'g>>),
+    finish: &Finish<'g>,
     others: &Others<'g>,
 ) -> Expr<'g> {
     let direction = seen.ray.direction;
-    let finish = Finish::new(matter, normal, -direction);
+    let arena = direction.arena;
     let point = seen.ray.origin + direction * seen.march.t;
-    let open = others.corner.map(|corner| arena.f(1.0).mix(openness(corner), arena.f(lighting.occlusion)));
     let mirrored = |towards, roughness| lighting.mirrored(arena, towards, roughness);
     let beyond = |towards| lighting.radiance(arena, towards);
-    let surrounded = finish.surrounded(lighting.around(normal), mirrored, beyond);
-    let mut all = open.map_or(surrounded, |open| surrounded * open);
+    let surrounded = finish.surrounded(lighting.around(finish.normal), mirrored, beyond);
+    let mut all = others.open.map_or(surrounded, |open| surrounded * open);
     for (light, shadow) in lighting.lights.iter().zip(&others.shadows) {
         let Incoming { direction, strength, .. } = Incoming::new(arena, light, point);
         let strength = shadow.map_or(strength, |shadow| strength * share_lit(shadow, light));

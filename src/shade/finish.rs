@@ -12,6 +12,11 @@ const LEAST_ALPHA: f64 = 2e-3;
 /// Reflectance of a clear coat along its normal: that of an index of refraction of 1.5.
 const COAT: f64 = 0.04;
 
+/// Roughness up to which a surface mirrors sharply, and from which on it does not.
+const SHARP: f64 = 0.1;
+/// See [`SHARP`].
+pub const BLURRED: f64 = 0.4;
+
 /// The share of light that microfacets scatter more than once: a polynomial of s = c / (c + alpha), with c the cosine of the angle of
 /// view, whose coefficients are polynomials of alpha. Fitted to integrals over visible normals: within 0.006, and 0.004 in the mean.
 const LOST: [[f64; 4]; 5] = [
@@ -34,7 +39,8 @@ struct Facets<'g> {
 
 /// A surface, ready to be lit.
 pub struct Finish<'g> {
-    normal: Expr<'g>,
+    /// Unit vector across the surface, on the viewer's side.
+    pub(super) normal: Expr<'g>,
     /// Unit vector towards the viewer.
     view: Expr<'g>,
     /// What the base returns of the light that it gets.
@@ -44,11 +50,28 @@ pub struct Finish<'g> {
     /// What the layer reflects at the angle of view.
     reflectance: Expr<'g>,
     facets: Facets<'g>,
-    /// The coat's facets and its reflectance, where there is one.
-    coat: Option<(Facets<'g>, Expr<'g>)>,
+    /// The coat's facets, its reflectance and its roughness, where there is one.
+    coat: Option<(Facets<'g>, Expr<'g>, Expr<'g>)>,
     emission: Option<Expr<'g>>,
     roughness: Expr<'g>,
+    /// Index of refraction on the viewer's side over that behind the surface.
+    ratio: Expr<'g>,
 }
+
+/// How a path goes on.
+pub struct Scattered<'g> {
+    /// Its direction.
+    pub direction: Expr<'g>,
+    /// What of the light from there is scattered to the viewer, times the cosine.
+    pub value: Expr<'g>,
+    /// Density of the direction by solid angle.
+    pub density: Expr<'g>,
+    /// Whether it goes through the surface, where it can.
+    pub crosses: Option<Expr<'g>>,
+}
+
+/// Density of directions that are bent: no light is found in them by other means.
+const BENT: f64 = 1e6;
 
 /// Whether an expression is this number on all paths.
 fn is(value: Expr<'_>, number: f64) -> bool {
@@ -141,11 +164,12 @@ impl<'g> Finish<'g> {
         };
         let coat = (!is(matter.coat, 0.0)).then(|| {
             let facets = Facets::new(matter.coat_roughness, cos_view);
-            (facets, schlick(arena.f(COAT), matter.coat_roughness, cos_view) * matter.coat)
+            let reflectance = schlick(arena.f(COAT), matter.coat_roughness, cos_view) * matter.coat;
+            (facets, reflectance, matter.coat_roughness)
         });
         let emission = (!is(matter.emission, 0.0)).then_some(matter.emission);
         let facets = Facets::new(roughness, cos_view);
-        Finish { normal, view, base, through, reflectance, facets, coat, emission, roughness }
+        Finish { normal, view, base, through, reflectance, facets, coat, emission, roughness, ratio: 1.0 / matter.ior }
     }
 
     /// What is seen of a light in direction `light` whose strength is 1: the radiance, for a white matte surface that faces it 1.
@@ -157,7 +181,7 @@ impl<'g> Finish<'g> {
         let below = self.base + layer;
         let all = match &self.coat {
             None => below,
-            Some((facets, reflectance)) => {
+            Some((facets, reflectance, _)) => {
                 let over = *reflectance * facets.scatter(self.normal, half, cos_light);
                 below * (1.0 - *reflectance) + arena.v3([1.0; 3]) * over
             }
@@ -174,7 +198,7 @@ impl<'g> Finish<'g> {
         beyond: impl Fn(Expr<'g>) -> Expr<'g>,
     ) -> Expr<'g> {
         let arena = around.arena;
-        let reflected = self.normal * (self.normal.dot(self.view) * 2.0) - self.view;
+        let reflected = self.reflected();
         let mut all = self.base * around + self.reflectance * mirrored(reflected, self.roughness);
         if let Some(through) = self.through {
             // Bent towards the normal, as glass does once.
@@ -183,60 +207,124 @@ impl<'g> Finish<'g> {
         }
         match &self.coat {
             None => all,
-            Some((_, reflectance)) => all * (1.0 - *reflectance) + mirrored(reflected, arena.f(0.0)) * *reflectance,
+            Some((_, reflectance, _)) => all * (1.0 - *reflectance) + mirrored(reflected, arena.f(0.0)) * *reflectance,
         }
     }
 
-    /// The chances that a path is scattered by the coat and by the layer; the rest is the base's.
-    fn chances(&self) -> (Expr<'g>, Expr<'g>) {
+    /// The direction of which a mirror in the surface shows something.
+    pub fn reflected(&self) -> Expr<'g> {
+        self.normal * (self.normal.dot(self.view) * 2.0) - self.view
+    }
+
+    /// What share of the light from the mirrored direction a viewer sees as in a mirror, and what [`Finish::surrounded`] shows in its
+    /// place: rough surfaces mirror nothing sharply.
+    pub fn mirror(&self, mirrored: impl Fn(Expr<'g>, Expr<'g>) -> Expr<'g>) -> (Expr<'g>, Expr<'g>) {
+        let arena = self.roughness.arena;
+        let sharp = |roughness: Expr<'g>| 1.0 - roughness.smoothstep(arena.f(SHARP), arena.f(BLURRED));
+        let layer = self.reflectance * sharp(self.roughness);
+        let reflected = self.reflected();
+        let counted = layer * mirrored(reflected, self.roughness);
+        let Some((_, reflectance, roughness)) = self.coat else { return (layer, counted) };
+        let over = reflectance * sharp(roughness);
+        let below = 1.0 - reflectance;
+        (layer * below + over, counted * below + mirrored(reflected, arena.f(0.0)) * over)
+    }
+
+    /// The same surface where a condition says that the viewer is behind it, in what light goes through: what is not reflected, by Fresnel's
+    /// equations, leaves.
+    #[must_use]
+    pub fn seen_from_inside(mut self, is_inside: Expr<'g>, matter: &Matter<Expr<'g>>) -> Finish<'g> {
+        let Some(through) = self.through else { return self };
+        let arena = self.normal.arena;
+        let (zero, one) = (arena.f(0.0), arena.f(1.0));
+        let (ior, cos_view) = (matter.ior, self.facets.cos_view);
+        let left = 1.0 - ior * ior * (1.0 - cos_view * cos_view);
+        let cos_out = left.max(zero).sqrt();
+        let across = (ior * cos_view - cos_out) / (ior * cos_view + cos_out);
+        let along = (ior * cos_out - cos_view) / (ior * cos_out + cos_view);
+        let reflected = left.le(zero).select(one, (across * across + along * along) * 0.5);
+        let (white, black) = (arena.v3([1.0; 3]), arena.v3([0.0; 3]));
+        self.through = Some(is_inside.select(matter.base * (1.0 - reflected), through));
+        self.reflectance = is_inside.select(white * reflected, self.reflectance);
+        self.base = is_inside.select(black, self.base);
+        self.ratio = is_inside.select(ior, self.ratio);
+        self.coat = self.coat.map(|(facets, coat, roughness)| (facets, is_inside.select(zero, coat), roughness));
+        self
+    }
+
+    /// The chances that a path is scattered by the coat and by the layer, and that it goes through; the rest is the base's.
+    fn chances(&self) -> (Expr<'g>, Expr<'g>, Option<Expr<'g>>) {
         let arena = self.base.arena;
         let mean = |colour: Expr<'g>| {
             let parts = colour.components();
             (parts[0] + parts[1] + parts[2]) * (1.0 / 3.0)
         };
         let (layer, base) = (mean(self.reflectance), mean(self.base));
-        let of_layer = layer / (layer + base).max(arena.f(1e-6));
+        let through = self.through.map(mean);
+        let below = through.map_or(base, |through| base + through);
+        let of_layer = layer / (layer + below).max(arena.f(1e-6));
         // Neither is left out where it adds light.
-        let least = arena.f(0.0).lt(base).select(arena.f(0.9), arena.f(1.0));
+        let least = arena.f(0.0).lt(below).select(arena.f(0.9), arena.f(1.0));
         let of_layer = of_layer.max(arena.f(0.1)).min(least);
-        match &self.coat {
-            None => (arena.f(0.0), of_layer),
-            Some((_, reflectance)) => {
-                let of_coat = (*reflectance / (*reflectance + layer + base).max(arena.f(1e-6))).max(arena.f(0.1));
-                (of_coat, (1.0 - of_coat) * of_layer)
-            }
+        let of_coat =
+            self.coat.map(|(_, coat, _)| (coat / (coat + layer + below).max(arena.f(1e-6))).max(arena.f(0.1)));
+        let rest = of_coat.map_or(arena.f(1.0), |of_coat| 1.0 - of_coat);
+        let of_through = |through: Expr<'g>| rest * (1.0 - of_layer) * (through / below.max(arena.f(1e-6)));
+        (of_coat.unwrap_or(arena.f(0.0)), rest * of_layer, through.map(of_through))
+    }
+
+    /// A direction in which a path goes on.
+    pub fn scattered(&self, random: &Random<Expr<'g>>) -> Scattered<'g> {
+        let arena = self.base.arena;
+        let (of_coat, of_layer, of_through) = self.chances();
+        let matte = super::path::around(self.normal, (1.0 - random.u).max(arena.f(0.0)).sqrt(), random.v);
+        let half = |facets: &Facets<'g>| facets.visible(self.normal, self.view, (random.u, random.v));
+        let mirrored = |half: Expr<'g>| half * (half.dot(self.view) * 2.0) - self.view;
+        let own = half(&self.facets);
+        let above = of_coat + of_layer;
+        let below = random.lobe.lt(above).select(mirrored(own), matte);
+        let direction = match &self.coat {
+            None => below,
+            Some((facets, ..)) => random.lobe.lt(of_coat).select(mirrored(half(facets)), below),
+        };
+        let direction = direction.normalize();
+        let scattered = Scattered {
+            direction,
+            value: self.lit(direction) * (1.0 / std::f64::consts::PI),
+            density: self.density(direction),
+            crosses: None,
+        };
+        let (Some(through), Some(of_through)) = (self.through, of_through) else { return scattered };
+        let crosses = above.le(random.lobe).and(random.lobe.lt(above + of_through));
+        let through = self.coat.map_or(through, |(_, coat, _)| through * (1.0 - coat));
+        Scattered {
+            direction: crosses.select(self.bent(own), direction),
+            value: crosses.select(through * BENT, scattered.value),
+            density: crosses.select(of_through * BENT, scattered.density),
+            crosses: Some(crosses),
         }
     }
 
-    /// A direction in which a path goes on, what of its light comes from there (times the cosine), and the density of the direction.
-    pub fn scattered(&self, random: &Random<Expr<'g>>) -> (Expr<'g>, Expr<'g>, Expr<'g>) {
-        let arena = self.base.arena;
-        let (of_coat, of_layer) = self.chances();
-        let matte = super::path::around(self.normal, (1.0 - random.u).max(arena.f(0.0)).sqrt(), random.v);
-        let mirrored = |facets: &Facets<'g>| {
-            let half = facets.visible(self.normal, self.view, (random.u, random.v));
-            half * (half.dot(self.view) * 2.0) - self.view
-        };
-        let below = random.lobe.lt(of_coat + of_layer).select(mirrored(&self.facets), matte);
-        let direction = match &self.coat {
-            None => below,
-            Some((facets, _)) => random.lobe.lt(of_coat).select(mirrored(facets), below),
-        };
-        let direction = direction.normalize();
-        let value = self.lit(direction) * (1.0 / std::f64::consts::PI);
-        (direction, value, self.density(direction))
+    /// The direction in which light goes on behind the surface, by Snell's law at a facet.
+    fn bent(&self, facet: Expr<'g>) -> Expr<'g> {
+        let cosine = facet.dot(self.view);
+        let left = 1.0 - self.ratio * self.ratio * (1.0 - cosine * cosine);
+        let behind = left.max(cosine.lift(0.0)).sqrt();
+        (facet * (self.ratio * cosine - behind) - self.view * self.ratio).normalize()
     }
 
-    /// The density, by solid angle, with which [`Finish::scattered`] gives a direction.
+    /// The density, by solid angle, with which [`Finish::scattered`] gives a direction on the viewer's side.
     pub fn density(&self, direction: Expr<'g>) -> Expr<'g> {
         let arena = self.base.arena;
-        let (of_coat, of_layer) = self.chances();
+        let (of_coat, of_layer, of_through) = self.chances();
         let cosine = self.normal.dot(direction).max(arena.f(0.0));
         let half = (direction + self.view).normalize();
         let matte = cosine * (1.0 / std::f64::consts::PI);
         let layer = self.facets.density(self.normal, half);
-        let mut all = layer * of_layer + matte * (1.0 - of_coat - of_layer);
-        if let Some((facets, _)) = &self.coat {
+        let rest = 1.0 - of_coat - of_layer;
+        let rest = of_through.map_or(rest, |of_through| rest - of_through);
+        let mut all = layer * of_layer + matte * rest;
+        if let Some((facets, ..)) = &self.coat {
             all = all + facets.density(self.normal, half) * of_coat;
         }
         arena.f(0.0).lt(cosine).select(all, arena.f(0.0))

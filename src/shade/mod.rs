@@ -25,7 +25,7 @@ pub use colour::compose_colour;
 pub(crate) use colour::facing_normal;
 pub use light::{Incoming, placed};
 pub use lighting::Lighting;
-pub use path::{Paths, first_path};
+pub use path::{Paths, compose_inner_ray, compose_join_ends, first_path};
 pub use plane::{compose_plane_camera, compose_plane_colour, compose_plane_point, facing, pixel_size};
 pub use secondary::{compose_corner_ray, compose_shadow_ray};
 pub use sky::Irradiance;

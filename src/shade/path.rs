@@ -6,10 +6,11 @@
 //! Random numbers come in from outside: [`Random`]. So both back ends follow the same paths.
 
 use super::colour::{Face, facing_normal};
-use super::finish::Finish;
+use super::finish::{Finish, Scattered};
 use super::light::Incoming;
 use super::{Air, Lighting, Seen, Threshold, range_within};
 use crate::compose::Bounds;
+use crate::compose::matter::may_transmit;
 use crate::expr::{Arena, Expr, Function, Inputs};
 use crate::graph::{Light, LightKind, Look};
 use crate::kernel::records::{Marched, Path, Random, Ray, UNKNOWN, is_unknown};
@@ -41,9 +42,25 @@ struct Point<'g> {
     finish: Finish<'g>,
     path: Path<Expr<'g>>,
     random: Random<Expr<'g>>,
-    /// Where rays leave the surface.
+    /// Where rays leave the surface on the viewer's side.
     start: Expr<'g>,
     hit_eps: Expr<'g>,
+    /// Whether the path is inside what light goes through, where it can be.
+    inside: Option<Expr<'g>>,
+}
+
+impl<'g> Point<'g> {
+    /// How the path goes on, where rays leave the surface for there, and whether they are inside then.
+    fn onwards(&self) -> (Scattered<'g>, Expr<'g>, Option<Expr<'g>>) {
+        let scattered = self.finish.scattered(&self.random);
+        let (Some(crosses), Some(inside)) = (scattered.crosses, self.inside) else {
+            return (scattered, self.start, None);
+        };
+        let Ray { origin, direction, .. } = self.seen.ray;
+        let behind = origin + direction * self.seen.march.t - self.normal * (self.hit_eps * 2.0);
+        let start = crosses.select(behind, self.start);
+        (scattered, start, Some(crosses.and(!inside).or((!crosses).and(inside))))
+    }
 }
 
 /// A direction towards a light.
@@ -61,11 +78,22 @@ impl Paths<'_> {
         let face = Face::read(self.look, inputs);
         let (path, random) = (Path::read(inputs), Random::read(inputs));
         let direction = seen.ray.direction;
-        let normal = facing_normal(face.gradient, direction);
-        let finish = Finish::new(&face.matter, normal, -direction);
+        let inside = may_transmit(self.look).then(|| path.inside.lift(0.5).lt(path.inside));
+        let finish = match inside {
+            None => face.finish(&seen),
+            Some(inside) => {
+                let outwards = inside.select(-face.gradient, face.gradient);
+                let normal = facing_normal(outwards, direction);
+                Finish::new(&face.matter, normal, -direction).seen_from_inside(inside, &face.matter)
+            }
+        };
+        let normal = finish.normal;
         let hit_eps = self.threshold.at(seen.march.t);
-        let start = seen.ray.origin + direction * seen.front(hit_eps) + normal * (hit_eps * 2.0);
-        Point { seen, normal, finish, path, random, start, hit_eps }
+        let front = seen.front(hit_eps);
+        // Rays that come from inside end beyond the surface.
+        let front = inside.map_or(front, |inside| inside.select(seen.march.t - hit_eps * 4.0, front));
+        let start = seen.ray.origin + direction * front + normal * (hit_eps * 2.0);
+        Point { seen, normal, finish, path, random, start, hit_eps, inside }
     }
 
     /// A light and a direction towards it, picked by chance.
@@ -125,15 +153,16 @@ impl Paths<'_> {
         let mut inputs = Inputs::new(arena);
         let point = self.read(&mut inputs);
         let mut function = inputs.function("bounce_ray");
-        let (direction, _, _) = point.finish.scattered(&point.random);
+        let (Scattered { direction, .. }, start, is_inside) = point.onwards();
         let (throughput, goes_on) = self.onwards(arena, &point);
-        let (_, far) = range_within(self.bounds, point.start, direction, arena.f(0.0));
+        let (_, far) = range_within(self.bounds, start, direction, arena.f(0.0));
         let is_alive = goes_on.and(arena.f(0.0).lt(brightest(throughput)));
         let t = point.seen.march.t;
+        let near = t + point.hit_eps * skipped;
         let ray = Ray {
-            origin: point.start - direction * t,
+            origin: start - direction * t,
             direction,
-            t_near: t + point.hit_eps * skipped,
+            t_near: is_inside.map_or(near, |is_inside| is_inside.select(t, near)),
             // A ray that leaves at once sees the surroundings: its range is empty, and it lives.
             t_far: is_alive.and(arena.f(0.0).lt(far)).select(t + far, arena.f(Ray::NOWHERE)),
         };
@@ -144,8 +173,9 @@ impl Paths<'_> {
     /// What of a path's light goes on with its next ray, and whether it does.
     fn onwards<'g>(&self, arena: &'g Arena, point: &Point<'g>) -> (Expr<'g>, Expr<'g>) {
         let (zero, one) = (arena.f(0.0), arena.f(1.0));
-        let (direction, value, density) = point.finish.scattered(&point.random);
+        let Scattered { direction, value, density, crosses } = point.finish.scattered(&point.random);
         let above = zero.lt(point.normal.dot(direction)).and(zero.lt(density));
+        let above = crosses.map_or(above, |crosses| above.or(crosses));
         let weight = above.select(value / density.max(arena.f(1e-12)), arena.v3([0.0; 3]));
         let throughput = point.path.throughput * weight;
         let (least, most) = SURVIVAL;
@@ -189,13 +219,14 @@ impl Paths<'_> {
             true => throughput,
             false => is_first.select(throughput * air.share_kept(), throughput),
         };
-        let (_, _, density) = point.finish.scattered(&point.random);
+        let (Scattered { density, .. }, _, is_inside) = point.onwards();
         let next = Path {
             throughput,
             density: goes_on.select(density, arena.f(0.0)),
             bounces: path.bounces + 1.0,
             // What is not a number is nothing.
             radiance: radiance.le(arena.f(1e30)).select(radiance, nothing),
+            inside: is_inside.map_or(arena.f(0.0), |is_inside| is_inside.select(arena.f(1.0), arena.f(0.0))),
         };
         next.write(&mut function);
         function
@@ -244,11 +275,33 @@ impl Paths<'_> {
 
 /// The path before its first ray: all light counts, and no ray was scattered.
 pub fn first_path() -> [f64; Path::<usize>::WIDTH] {
-    [1.0, 1.0, 1.0, UNKNOWN, 0.0, 0.0, 0.0, 0.0]
+    [1.0, 1.0, 1.0, UNKNOWN, 0.0, 0.0, 0.0, 0.0, 0.0]
+}
+
+/// Rays of paths to the same where paths are inside what light goes through, else to empty ones.
+pub fn compose_inner_ray(arena: &Arena) -> Function {
+    let mut inputs = Inputs::new(arena);
+    let (ray, path) = (Ray::read(&mut inputs), Path::read(&mut inputs));
+    let mut function = inputs.function("inner_ray");
+    let t_far = arena.f(0.5).lt(path.inside).select(ray.t_far, arena.f(Ray::NOWHERE));
+    Ray { t_far, ..ray }.write(&mut function);
+    function
+}
+
+/// Ends of rays as if they were outside, ends of those inside, and paths to the ends that count.
+pub fn compose_join_ends(arena: &Arena) -> Function {
+    let mut inputs = Inputs::new(arena);
+    let (outer, inner) = (Marched::read(&mut inputs), Marched::read_as("inner_", &mut inputs));
+    let path = Path::read(&mut inputs);
+    let mut function = inputs.function("join_ends");
+    let is_inside = arena.f(0.5).lt(path.inside);
+    let mut others = inner.values().into_iter();
+    outer.map(|own| others.next().map_or(own, |other| is_inside.select(other, own))).write(&mut function);
+    function
 }
 
 /// The greatest component.
-fn brightest(colour: Expr<'_>) -> Expr<'_> {
+pub(super) fn brightest(colour: Expr<'_>) -> Expr<'_> {
     let parts = colour.components();
     parts[0].max(parts[1]).max(parts[2])
 }

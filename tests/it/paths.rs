@@ -37,15 +37,73 @@ fn mean(light: &[[f32; 3]]) -> f64 {
 #[test]
 fn white_matter_vanishes_in_a_white_room() {
     let white = "light: {}, environment: Uniform((1, 1, 1)), look: (palette: [(1, 1, 1)], material: MATERIAL)";
-    for material in ["\"plain\"", "(\"matte\", roughness: 1.0)"] {
+    for material in ["plain", "matte", "glass(tint: 1.0)"] {
         let scene = match material {
-            "\"plain\"" => white.replace(", material: MATERIAL", ""),
-            _ => white.replace("MATERIAL", "\"matte\""),
+            "plain" => white.replace(", material: MATERIAL", ""),
+            "matte" => white.replace("MATERIAL", "\"matte\""),
+            _ => white.replace("MATERIAL", material),
         };
         let light = radiance(&ball(&scene), (24, 24), paths(64));
         let mean = mean(&light);
         assert!((mean - 1.0).abs() < 0.005, "{material}: {mean}");
     }
+}
+
+/// What a glass ball of index 1.5 in a room whose radiance is 1 + height shows along a ray, by Snell's law
+/// and Fresnel's equations at each surface.
+fn seen_in_glass(direction: [f64; 3], eye: [f64; 3]) -> f64 {
+    let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
+    let along = |a: [f64; 3], x: f64, b: [f64; 3], y: f64| [0, 1, 2].map(|k| a[k] * x + b[k] * y);
+    let mirrored = |d: [f64; 3], n: [f64; 3]| along(d, 1.0, n, -2.0 * dot(d, n));
+    // `n` against `d`, `ratio` of the index here to the one behind: the share that is reflected, and the direction behind.
+    let behind = |d: [f64; 3], n: [f64; 3], ratio: f64| {
+        let cosine = -dot(d, n);
+        let out = (1.0 - ratio * ratio * (1.0 - cosine * cosine)).sqrt();
+        let (s, p) = ((ratio * cosine - out) / (ratio * cosine + out), (ratio * out - cosine) / (ratio * out + cosine));
+        ((s * s + p * p) / 2.0, along(d, ratio, n, ratio * cosine - out))
+    };
+    let room = |d: [f64; 3]| 1.0 + d[2];
+    let middle = -dot(eye, direction);
+    let square = dot(eye, eye) - middle * middle;
+    if square >= 1.0 {
+        return room(direction);
+    }
+    let mut point = along(eye, 1.0, direction, middle - (1.0 - square).sqrt());
+    let (reflected, mut inner) = behind(direction, point, 1.0 / 1.5);
+    let mut sum = reflected * room(mirrored(direction, point));
+    let mut share = 1.0 - reflected;
+    for _ in 0..8 {
+        point = along(point, 1.0, inner, -2.0 * dot(point, inner));
+        let inwards = point.map(|x| -x);
+        let (reflected, out) = behind(inner, inwards, 1.5);
+        sum += share * (1.0 - reflected) * room(out);
+        share *= reflected;
+        inner = mirrored(inner, inwards);
+    }
+    sum
+}
+
+/// A glass ball turns the room upside down.
+#[test]
+fn glass_bends_light_as_snell_and_fresnel_say() {
+    let scene = ball(
+        "light: {}, environment: Gradient(ground: (0, 0, 0), horizon: (1, 1, 1), zenith: (2, 2, 2)),
+        look: (palette: [(1, 1, 1)], material: glass(tint: 1.0))",
+    );
+    let edge = 33;
+    let light = radiance(&scene, (edge, edge), paths(512));
+    let tangent = 15f64.to_radians().tan();
+    let at = |k: u32| ((f64::from(k) + 0.5) / f64::from(edge) * 2.0 - 1.0) * tangent;
+    let mut upside_down = 0;
+    for (x, y) in [(16, 16), (16, 8), (16, 24), (10, 12), (22, 20), (16, 5), (16, 27)] {
+        let (u, v) = (at(x), -at(y));
+        let size = (1.0 + u * u + v * v).sqrt();
+        let expected = seen_in_glass([u / size, 1.0 / size, v / size], [0.0, -4.0, 0.0]);
+        let found = f64::from(light[(y * edge + x) as usize][0]);
+        assert!((found - expected).abs() < 0.04, "{x} {y}: {found} {expected}");
+        upside_down += usize::from((expected - 1.0) * v < -0.01);
+    }
+    assert!(upside_down >= 4, "{upside_down}");
 }
 
 /// A ball under a sun, a lamp and an even sky: what `direct` sums up is what paths find.
