@@ -3,7 +3,7 @@
 use bulbfold::engine::Request;
 use bulbfold::film::is_picture;
 use bulbfold::graph::Camera;
-use bulbfold::render::{PathTracing, Sampling};
+use bulbfold::render::{MIRRORS, PathTracing, Sampling};
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
@@ -125,6 +125,7 @@ impl PictureArgs {
             precision: self.precision.given(),
             exact_rays: self.exact_rays,
             path: self.path.tracing(self.look.seed.unwrap_or(0)),
+            mirrors: self.path.mirrors,
             ..self.estimate.request(self.size.unwrap_or(DEFAULT_SIZE))
         }
     }
@@ -150,6 +151,9 @@ pub struct PathArgs {
     /// Surfaces that a path meets at most; asks for `--integrator path`
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=24))]
     bounces: Option<u32>,
+    /// Mirrored rays that follow each other at most with `--integrator direct`; 0 shows the sky alone in mirrors
+    #[arg(long, value_name = "N", default_value_t = MIRRORS, value_parser = clap::value_parser!(u32).range(0..=16))]
+    mirrors: u32,
     /// Noise at which a tile of the picture is done, such as 2%; asks for `--integrator path`
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     noise: Option<f64>,

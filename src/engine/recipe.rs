@@ -101,7 +101,7 @@ impl Recipe {
         let is_bounded = |path: &PathTracing| {
             (1..=MOST_PATHS).contains(&path.samples) && path.bounces <= MOST_PATHS && (0.0..=1.0).contains(&path.noise)
         };
-        if !request.path.as_ref().is_none_or(is_bounded) {
+        if !request.path.as_ref().is_none_or(is_bounded) || request.mirrors > MOST_PATHS {
             return Err(odd("its paths are out of range"));
         }
         let is_rising =

@@ -7,7 +7,7 @@ use crate::check::truth::Budget;
 use crate::film::Layers;
 use crate::graph::EstimateSettings;
 use crate::math::Precision;
-use crate::render::{PathTracing, RenderSettings, Sampling};
+use crate::render::{MIRRORS, PathTracing, RenderSettings, Sampling};
 use crate::shade::Size;
 
 /// Most columns and rows of a picture.
@@ -53,6 +53,8 @@ pub struct Request {
     pub effort: f64,
     /// Whether light is followed along paths, and how; otherwise it comes straight from lights and surroundings.
     pub path: Option<PathTracing>,
+    /// Mirrored rays that follow each other at most, from 0 to 16; paths of light have their own.
+    pub mirrors: u32,
     /// What the picture is to tell of its pixels besides their colours.
     pub layers: Layers,
     /// Every ray is marched by itself, by steps no longer than an estimate, and every orbit runs to its end: what the
@@ -75,6 +77,7 @@ impl Default for Request {
             budget: Budget::default(),
             effort: 1.0,
             path: None,
+            mirrors: MIRRORS,
             layers: Layers::NONE,
             exact_rays: false,
         }
@@ -116,6 +119,7 @@ impl Request {
             estimate: self.estimate,
             plain: self.exact_rays,
             path: self.path,
+            mirrors: self.mirrors,
             layers: self.layers.data(),
             ..RenderSettings::default()
         }

@@ -8,7 +8,7 @@ use crate::diag::Diagnostic;
 use crate::graph::{Camera, Light};
 use crate::kernel::Kernel;
 use crate::march::{self, Disc, MarchSettings, SKIPPED, compose_march};
-use crate::shade::{self, Lighting, Paths};
+use crate::shade::{self, Lighting, Mirrors, Paths};
 
 /// What further rays are composed from.
 pub(super) struct Further<'a> {
@@ -41,6 +41,22 @@ impl Further<'_> {
             slots.push(Slot::Passing);
         }
         Ok(slots)
+    }
+
+    /// Adds the passes of mirrored rays; `seen` is what colours of surfaces are read from.
+    pub fn mirrors(&self, passes: &mut Passes<Kernel>, lighting: &Lighting, seen: &[Slot]) {
+        let (arena, look) = (self.composer.arena, &self.composer.graph.scene.look);
+        let mirrors = Mirrors { look, lighting, threshold: self.march.threshold(), bounds: self.bounds };
+        // Where a step has no state to go on from, it is the first.
+        let mut met: Vec<Slot> = seen.iter().copied().filter(|slot| *slot != Slot::Passing).collect();
+        let corners = met.iter().copied().filter(|slot| *slot == Slot::Corners);
+        let first = SEEN.into_iter().chain(corners).chain([Slot::Colours]).collect::<Vec<_>>();
+        met.push(Slot::Mirrors);
+        passes.push(Role::MirrorStep, met, Slot::MirrorsAfter, Kernel::Map(mirrors.compose_step(arena)));
+        passes.push(Role::MirrorStart, first, Slot::MirrorsAfter, Kernel::Map(mirrors.compose_start(arena)));
+        let ray = SEEN.into_iter().chain([Slot::MirrorsAfter]).collect::<Vec<_>>();
+        passes.push(Role::MirrorRay, ray, Slot::NextRays, Kernel::Map(mirrors.compose_ray(arena, SKIPPED)));
+        passes.push(Role::MirrorEnd, [Slot::MirrorsAfter], Slot::Colours, Kernel::Map(mirrors.compose_end(arena)));
     }
 
     /// Adds the passes of a path's point: light that is picked there, the ray on which it goes on, its next state.

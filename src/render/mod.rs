@@ -11,6 +11,7 @@ mod data;
 mod framing;
 mod further;
 mod meter;
+mod mirrored;
 pub mod passes;
 mod picture;
 mod pipeline;
@@ -112,7 +113,12 @@ pub struct RenderSettings {
     pub early_ends: bool,
     /// Whether light is followed along paths, and how; otherwise it comes straight from lights and surroundings.
     pub path: Option<PathTracing>,
+    /// Mirrored rays that follow each other at most where light is not followed along paths; 0 shows the surroundings alone in mirrors.
+    pub mirrors: u32,
 }
+
+/// Mirrored rays that follow each other at most where nothing is said of them.
+pub const MIRRORS: u32 = 3;
 
 impl Default for RenderSettings {
     fn default() -> Self {
@@ -129,6 +135,7 @@ impl Default for RenderSettings {
             layers: Layers::NONE,
             early_ends: true,
             path: None,
+            mirrors: MIRRORS,
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::film::{Develop, Layer, compose_develop};
 use crate::graph::{Camera, Look, Plane};
 use crate::kernel::{Kernel, March};
 use crate::march::{MarchSettings, Threshold, compose_march, tells_nearness};
-use crate::shade::{self, Lighting};
+use crate::shade::{self, Lighting, Mirrors};
 
 /// Samples of a picture that a search for a box pays for.
 const LEAST_BOXED: u64 = 1 << 20;
@@ -150,7 +150,10 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
         let is_known = |slot: &Slot| !matches!(slot, Slot::Shadows(_) | Slot::Passing);
         let known: Vec<Slot> = seen.iter().copied().filter(is_known).collect();
         let colour = shade::compose_colour(arena, look, &lighting);
-        passes.push(Role::Colour, seen, Slot::Colours, Kernel::Map(colour));
+        passes.push(Role::Colour, seen.clone(), Slot::Colours, Kernel::Map(colour));
+        if settings.mirrors > 0 && Mirrors::are_in(look) {
+            further.mirrors(&mut passes, &lighting, &seen);
+        }
         push_data(&mut passes, arena, look, (settings, known));
     }
     passes.push(Role::Encode, [Slot::Colours], Slot::Bytes, Kernel::Map(compose_develop(arena, develop)));

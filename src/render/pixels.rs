@@ -126,3 +126,21 @@ impl Pixels {
         [x, y]
     }
 }
+
+/// The bytes of a colour as [`compose_develop`](crate::film::compose_develop) gives it.
+#[inline]
+pub(super) fn bytes(srgb: f64) -> [u8; 3] {
+    // Numbers from here on are whole: the last bits of a sum are those of the whole number that was added.
+    const WHOLE: f64 = (1_u64 << 52) as f64;
+    let [blue, green, red, ..] = (srgb + WHOLE).to_bits().to_le_bytes();
+    [red, green, blue]
+}
+
+/// Where the samples of a pixel lie in it: on a grid with this many on an edge, the one nearest to the centre first.
+pub(super) fn sample_offsets(edge: u32) -> Vec<[f64; 2]> {
+    let at = |k: u32| (f64::from(k) + 0.5) / f64::from(edge);
+    let mut offsets: Vec<[f64; 2]> = (0..edge * edge).map(|i| [at(i / edge), at(i % edge)]).collect();
+    let middle = ((edge - 1) / 2 * (edge + 1)) as usize;
+    offsets[..=middle].rotate_right(1);
+    offsets
+}

@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 use super::beams::{Beams, Starts};
 use super::checked::beams_hold;
 use super::data::{Kept, Numbers};
+use super::mirrored::Mirror;
 use super::passes::{self, Chain, Pass, Role, Slot};
-use super::pixels::Pixels;
+use super::pixels::{Pixels, bytes, sample_offsets};
 use super::traced::Tracer;
 use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
 use crate::film::{Tile, Window};
@@ -54,6 +55,8 @@ pub struct Renderer<'b, B: Backend> {
     march: Chain<B>,
     /// Rays and ends to colours, by way of shadows.
     shade: Chain<B>,
+    /// Colours to those with mirrors, where surfaces mirror.
+    pub(super) mirror: Option<Mirror<B>>,
     /// Colours to bytes.
     encode: Chain<B>,
     /// Points of paths to the next ones, where light is followed along paths.
@@ -158,11 +161,17 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let marches = shape.passes.iter().map(|pass| pass.writes).filter(|slot| slot.is_further_march());
         let known = Kept::new(settings.layers.data());
         let kept = known.as_ref().map(|_| Slot::Data);
-        let shaded: Vec<Slot> = std::iter::once(Slot::Colours).chain(kept).chain(marches).collect();
+        let has_mirrors = shape.passes.get(Role::MirrorStep).is_some();
+        let of_first: &[Slot] = if has_mirrors { &[Slot::MirrorsAfter, Slot::NextRays] } else { &[] };
+        let kept = kept.filter(|_| !has_mirrors);
+        let shaded = std::iter::once(Slot::Colours).chain(kept).chain(of_first.iter().copied()).chain(marches);
+        let shaded: Vec<Slot> = shaded.collect();
         let camera = chain(&[points], &[Slot::Rays])?;
         let march = chain(&[Slot::Rays], &[Slot::Ends])?;
         let shade = chain(&[Slot::Rays, Slot::Ends], if settings.path.is_some() { &[] } else { &shaded })?;
         let encode = chain(&[Slot::Colours], &[Slot::Bytes])?;
+        let mirror = has_mirrors.then(|| Mirror::new(&shape.passes, settings.mirrors, known.is_some(), &mut chain));
+        let mirror = mirror.transpose()?;
         let beams = match &shape.tiles {
             None => None,
             Some(tiles) => {
@@ -182,6 +191,7 @@ impl<'b, B: Backend> Renderer<'b, B> {
             camera,
             march,
             shade,
+            mirror,
             encode,
             tracer,
             keeps_radiance: false,
@@ -433,9 +443,15 @@ impl<'b, B: Backend> Renderer<'b, B> {
             Role::ShadowMarch(_) | Role::CornerMarch | Role::PassingMarch => stats.shadow += time,
             _ => stats.shade += time,
         })?;
-        let colours = written.take(Slot::Colours).expect("every picture has colours");
-        let data = written.take(Slot::Data);
-        Ok(Part { pixels, colours, marches: Some((ends, written.rest())), data })
+        let mut colours = written.take(Slot::Colours).expect("every picture has colours");
+        let mut data = written.take(Slot::Data);
+        let mut further = Vec::new();
+        if let Some(mirror) = &self.mirror {
+            (colours, further) = self.mirrored(mirror, &mut written, stats)?;
+            data = mirror.data(self.backend, (&rays, &ends, &colours))?;
+        }
+        further.extend(written.rest());
+        Ok(Part { pixels, colours, marches: Some((ends, further)), data })
     }
 
     /// Waits for what was computed and has it read: the columns that are `wanted`, and then those of the parts' marches.
@@ -476,22 +492,4 @@ fn count_marches<'a, C, N: Copy + Into<f64>>(
         hits[0]
     };
     parts.iter().map(&mut count).collect()
-}
-
-/// The bytes of a colour as [`compose_develop`](crate::film::compose_develop) gives it.
-#[inline]
-pub(super) fn bytes(srgb: f64) -> [u8; 3] {
-    // Numbers from here on are whole: the last bits of a sum are those of the whole number that was added.
-    const WHOLE: f64 = (1_u64 << 52) as f64;
-    let [blue, green, red, ..] = (srgb + WHOLE).to_bits().to_le_bytes();
-    [red, green, blue]
-}
-
-/// Where the samples of a pixel lie in it: on a grid with this many on an edge, the one nearest to the centre first.
-fn sample_offsets(edge: u32) -> Vec<[f64; 2]> {
-    let at = |k: u32| (f64::from(k) + 0.5) / f64::from(edge);
-    let mut offsets: Vec<[f64; 2]> = (0..edge * edge).map(|i| [at(i / edge), at(i % edge)]).collect();
-    let middle = ((edge - 1) / 2 * (edge + 1)) as usize;
-    offsets[..=middle].rotate_right(1);
-    offsets
 }

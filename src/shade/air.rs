@@ -54,6 +54,19 @@ impl<'g> Air<'_, 'g> {
         shown
     }
 
+    /// The share of light that is not lost from the parameter `from` of the ray to its end, where there is fog.
+    pub fn kept_since(&self, from: Expr<'g>) -> Option<Expr<'g>> {
+        let one = self.arena.f(1.0);
+        let share = || self.kept(self.seen.march.t) / self.kept(from).max(self.arena.f(1e-12));
+        (self.lighting.atmosphere.fog > 0.0).then(|| share().min(one))
+    }
+
+    /// The light of fog along the ray.
+    pub fn fog(&self) -> Expr<'g> {
+        let own = self.lighting.atmosphere.fog_colour.map(|colour| self.arena.v3(colour));
+        own.unwrap_or_else(|| self.lighting.radiance(self.arena, self.seen.ray.direction))
+    }
+
     /// The share of light that is not lost over a length of the ray.
     fn kept(&self, length: Expr<'g>) -> Expr<'g> {
         let (arena, atmosphere) = (self.arena, &self.lighting.atmosphere);

@@ -113,6 +113,20 @@ fn lamps_glow_and_ground_fog_leave_nothing_where_they_are_off() {
 }
 
 #[test]
+fn what_mirrors_nothing_has_no_mirrored_rays() {
+    let has_mirrors = |look: &str| {
+        let made = make(&bulb(look, ""), None);
+        made.pipeline.kernels().iter().any(|(name, _)| name.starts_with("mirror"))
+    };
+    for dull in [PLAIN, "material: \"clay\"", "material: \"matte\""] {
+        assert!(!has_mirrors(dull), "{dull}");
+    }
+    for smooth in ["material: \"polished_steel\"", "material: \"lacquer\"", "material: \"glass\""] {
+        assert!(has_mirrors(smooth), "{smooth}");
+    }
+}
+
+#[test]
 fn a_look_without_traps_computes_none() {
     let trapped = make(&bulb("shadows: false,", ""), None);
     let plain = make(&bulb(PLAIN, ""), None);

@@ -110,6 +110,81 @@ fn soft_shadows_are_those_of_paths_where_estimates_say_little() {
     assert!((direct / truth - 1.0).abs() < 0.15, "{direct} {truth}");
 }
 
+/// A steel floor under a black ball in a white room: where the mirrored ray meets the ball the floor is black, elsewhere it shows the room.
+#[test]
+fn a_floor_mirrors_what_stands_on_it() {
+    let scene = "(nodes: {\"floor\": Plane(normal: (0, 0, 1), offset: 0.0), \"ball\": Sphere(centre: (0, 1.5, 1.2), radius: 0.8)},
+        output: Union([\"floor\", \"ball\"]), bounding_radius: 8.0,
+        camera: (position: (0, -4, 2), target: (0, 0, 0), fov: 40.0), light: {}, environment: Uniform((1, 1, 1)),
+        look: (occlusion: 0.0, palette: [(0, 0, 0)], material: \"matte\", parts: {\"floor\": (material: polished_steel(roughness: 0.0))}))";
+    let edge = 160;
+    let with = |mirrors: u32| move |request: Request| Request { mirrors, ..request };
+    let (shown, open) = (radiance_with(scene, (edge, edge), with(3)), radiance_with(scene, (edge, edge), with(0)));
+    let (mut black, mut white) = (0, 0);
+    for (i, (rgb, open)) in shown.iter().zip(&open).enumerate() {
+        // The ray through the pixel, where it meets the floor, and how closely the mirrored one passes the ball.
+        let tangent = 20f64.to_radians().tan();
+        let at = |k: usize| ((k as f64 + 0.5) / f64::from(edge) * 2.0 - 1.0) * tangent;
+        let (u, v) = (at(i % edge as usize), -at(i / edge as usize));
+        let down = 1.0 / 20f64.sqrt();
+        let along = [0.0, 4.0 * down, -2.0 * down];
+        let up = [0.0, 2.0 * down, 4.0 * down];
+        let direction = [u, along[1] + up[1] * v, along[2] + up[2] * v];
+        let size = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let direction = direction.map(|x| x / size);
+        let passes = |from: [f64; 3], direction: [f64; 3]| {
+            let off = [0.0 - from[0], 1.5 - from[1], 1.2 - from[2]];
+            let middle = (0..3).map(|k| off[k] * direction[k]).sum::<f64>();
+            let square = (0..3).map(|k| off[k] * off[k]).sum::<f64>() - middle * middle;
+            if middle > 0.0 { square.max(0.0).sqrt() } else { f64::INFINITY }
+        };
+        let t = -2.0 / direction[2];
+        let floor = [direction[0] * t, -4.0 + direction[1] * t, 0.0];
+        if t <= 0.0 || floor[0].hypot(floor[1]) > 7.0 || passes([0.0, -4.0, 2.0], direction) < 0.85 {
+            continue;
+        }
+        let mirrored = passes(floor, [direction[0], direction[1], -direction[2]]);
+        if mirrored < 0.72 {
+            assert!(rgb[0] < 1e-3, "{i}: {rgb:?}");
+            black += 1;
+        } else if mirrored > 0.88 {
+            assert!((rgb[0] - open[0]).abs() < 1e-3 && rgb[0] > 0.5, "{i}: {rgb:?} {open:?}");
+            white += 1;
+        }
+    }
+    assert!(black > 500 && white > 5000, "{black} {white}");
+}
+
+/// Both back ends mirror the same, several times over.
+#[test]
+fn back_ends_mirror_alike() {
+    let scene = "(objects: {\"floor\": (field: Plane(offset: -1.0), material: polished_steel(roughness: 0.0)),
+        \"wall\": (field: Plane(normal: (0, -1, 0), offset: -1.5), material: polished_steel(roughness: 0.1)),
+        \"bulb\": (fractal: \"mandelbulb\", material: \"lacquer\", palette: \"ember\")}, bounding_radius: 6.0,
+        camera: (position: (1, -4, 1.5), target: (0, 0, -0.3), fov: 40.0), atmosphere: (fog: 0.4))";
+    let folder = folder_with(&[("scene.ron", scene)]);
+    let render = |backend: &str, mirrors: &str| {
+        let out = format!("{backend}{mirrors}.png");
+        let arguments =
+            ["render", "scene.ron", "--size", "96x72", "-q", "--backend", backend, "--mirrors", mirrors, "-o", &out];
+        (bulbfold(folder.path(), arguments), folder.path().join(out))
+    };
+    let (done, cpu) = render("cpu", "3");
+    success(&done);
+    let (done, once) = render("cpu", "1");
+    success(&done);
+    assert_ne!(pixels(&cpu), pixels(&once), "mirrors show mirrors");
+    let (done, gpu) = render("gpu", "3");
+    if !done.status.success() {
+        assert!(std::env::var("BULBFOLD_REQUIRE_GPU").is_err(), "{}", crate::support::stderr(&done));
+        eprintln!("skipped: there is no GPU adapter");
+        return;
+    }
+    let (cpu, gpu) = (pixels(&cpu), pixels(&gpu));
+    let off = cpu.iter().zip(&gpu).filter(|(a, b)| a.abs_diff(**b) > 2).count();
+    assert!(off * 200 <= cpu.len(), "{off} of {} bytes differ", cpu.len());
+}
+
 #[test]
 fn light_of_a_look_stays_in_the_world_and_a_headlight_moves() {
     let ball = |scene: &str| {
