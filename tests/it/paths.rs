@@ -183,21 +183,26 @@ fn noise_falls_with_samples_and_the_seed_chooses_it() {
 /// The same random numbers lead to the same paths: both back ends make the same picture but for rounding.
 #[test]
 fn back_ends_follow_the_same_paths() {
-    let folder = folder_with(&[]);
-    let render = |backend: &str| {
-        let out = format!("{backend}.png");
-        let arguments =
-            ["render", "mandelbulb", "--size", "80x60", "--paths", "8", "-q", "--backend", backend, "-o", &out];
-        bulbfold(folder.path(), arguments)
-    };
-    success(&render("cpu"));
-    let on_gpu = render("gpu");
-    if !on_gpu.status.success() {
-        assert!(std::env::var("BULBFOLD_REQUIRE_GPU").is_err(), "{}", stderr(&on_gpu));
-        eprintln!("skipped: there is no GPU adapter");
-        return;
+    let room = "light: {}, environment: Gradient(ground: (0, 0, 0), horizon: (1, 1, 1), zenith: (2, 2, 2)),
+        look: (palette: [(1, 1, 1)], material: glass(tint: 1.0))";
+    let folder = folder_with(&[("glass.ron", &ball(room))]);
+    for scene in ["mandelbulb", "glass.ron"] {
+        let render = |backend: &str| {
+            let out = format!("{scene}.{backend}.png");
+            let arguments =
+                ["render", scene, "--size", "80x60", "--paths", "8", "-q", "--backend", backend, "-o", &out];
+            (bulbfold(folder.path(), arguments), folder.path().join(out))
+        };
+        let (on_cpu, cpu) = render("cpu");
+        success(&on_cpu);
+        let (on_gpu, gpu) = render("gpu");
+        if !on_gpu.status.success() {
+            assert!(std::env::var("BULBFOLD_REQUIRE_GPU").is_err(), "{}", stderr(&on_gpu));
+            eprintln!("skipped: there is no GPU adapter");
+            return;
+        }
+        let (cpu, gpu) = (pixels(&cpu), pixels(&gpu));
+        let off = cpu.iter().zip(&gpu).filter(|(a, b)| a.abs_diff(**b) > 2).count();
+        assert!(off * 500 <= cpu.len(), "{scene}: {off} of {} bytes differ", cpu.len());
     }
-    let [cpu, gpu] = ["cpu.png", "gpu.png"].map(|name| pixels(&folder.path().join(name)));
-    let off = cpu.iter().zip(&gpu).filter(|(a, b)| a.abs_diff(**b) > 2).count();
-    assert!(off * 500 <= cpu.len(), "{off} of {} bytes differ", cpu.len());
 }
