@@ -317,6 +317,12 @@ fn quick<'a>(words: &[&'a str]) -> Vec<&'a str> {
                 put(&mut quick, "--samples", "1");
             }
         }
+        "animate" => {
+            put(&mut quick, "--size", "32x24");
+            put(&mut quick, "--samples", "1");
+            put(&mut quick, "--calibrate", "off");
+            put(&mut quick, "--frames", "1..3");
+        }
         "check" | "calibrate" => put(&mut quick, "--size", "64x48"),
         "truth" => put(&mut quick, "--rays", "40"),
         "vary" => {
