@@ -1,5 +1,7 @@
 //! `bulbfold animate --check`: small pictures of neighbouring frames, and what flickers in them.
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::io::Write;
 
 use bulbfold::engine::{Animation, Moments, Observer, Request, Stage};
@@ -37,12 +39,11 @@ pub fn check(
     let inner = (last - first - 1) as usize;
     let looked = inner.min(LOOKED_AT);
     let middles: Vec<u32> = (0..looked).map(|i| first + 1 + (i * inner / looked) as u32).collect();
-    let (mut seen, mut flickers) = (std::collections::BTreeMap::new(), 0);
+    let (mut seen, mut flickers) = (BTreeMap::new(), 0);
     for (i, &middle) in middles.iter().enumerate() {
         for frame in middle - 1..=middle + 1 {
-            if !seen.contains_key(&frame) {
-                let moment = (frame * moments.clock.blur) as usize;
-                seen.insert(frame, sight(session, &mut animation, moment)?);
+            if let Entry::Vacant(entry) = seen.entry(frame) {
+                entry.insert(sight(session, &mut animation, (frame * moments.clock.blur) as usize)?);
             }
         }
         seen.retain(|frame, _| *frame + 1 >= middle);
