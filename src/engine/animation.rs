@@ -5,10 +5,11 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use super::job::Parts;
-use super::{CameraChange, Error, Job, Observer, Request, Settling};
+use super::{CameraChange, Error, Job, Observer, Request, Settling, Stage};
 use crate::calibrate::Calibration;
 use crate::check::Formula;
 use crate::compose::Plan;
+use crate::diag::Diagnostic;
 use crate::expr::Arena;
 use crate::graph::{Camera, EstimateSettings, ValidGraph};
 use crate::math::Precision;
@@ -55,7 +56,7 @@ struct Seen {
 }
 
 impl<'a> Animation<'a> {
-    /// Settles a film by its key moments.
+    /// Settles a film by its key moments. What is told of several of them is told once.
     ///
     /// Errors: [`Error::Formula`], [`Error::Request`], and those of the moments.
     pub fn settle(
@@ -63,6 +64,7 @@ impl<'a> Animation<'a> {
         request: &'a Request,
         observer: &mut dyn Observer,
     ) -> Result<Animation<'a>, Error> {
+        let observer = &mut Once { observer, told: BTreeSet::new() };
         let asked = request.first_precision()?;
         let (iterations, tones, estimate) = (None, Vec::new(), request.estimate);
         let mut animation =
@@ -225,6 +227,34 @@ impl<'a> Animation<'a> {
         }
         let (iterations, precision) = (self.iterations, self.precision);
         Ok(Job::of_parts(formula, self.request.clone(), &graph, Parts { iterations, precision, plan }))
+    }
+}
+
+/// Tells everything once.
+struct Once<'a> {
+    observer: &'a mut dyn Observer,
+    told: BTreeSet<String>,
+}
+
+impl Observer for Once<'_> {
+    fn progress(&mut self, stage: Stage, share: f64) {
+        self.observer.progress(stage, share);
+    }
+
+    fn warn(&mut self, warning: Diagnostic) {
+        if self.told.insert(warning.message.clone()) {
+            self.observer.warn(warning);
+        }
+    }
+
+    fn note(&mut self, text: &str) {
+        if self.told.insert(text.to_string()) {
+            self.observer.note(text);
+        }
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.observer.is_cancelled()
     }
 }
 
