@@ -115,7 +115,12 @@ pub fn load(
     let path = what.as_ref();
     let (name, text) = text_of(library, path, d)?;
     let loaded = load_text(library, &name, &text, set, d)?;
-    Some(if path.exists() { loaded } else { as_builtin(loaded) })
+    Some(if names_file(path) { loaded } else { as_builtin(loaded) })
+}
+
+/// Whether a name is that of something to read. A folder is not: the built-in formula of its name is meant.
+fn names_file(path: &Path) -> bool {
+    path.exists() && !path.is_dir()
 }
 
 /// Names and texts of embedded files.
@@ -125,7 +130,7 @@ type Texts = &'static [(&'static str, &'static str)];
 fn text_of(library: &mut Library, path: &Path, d: &mut Diagnostics) -> Option<(String, String)> {
     // Only the names of files need not be UTF-8.
     let what = path.to_string_lossy();
-    if path.exists() {
+    if names_file(path) {
         let text = read_text(library, path, d)?;
         if let Some(folder) = path.parent() {
             library.add_beside(folder, d);
@@ -143,7 +148,10 @@ fn text_of(library: &mut Library, path: &Path, d: &mut Diagnostics) -> Option<(S
         }
     }
     let names = BUILTIN.iter().flat_map(|(texts, ..)| texts.iter()).map(|(name, _)| *name);
-    let message = format!("there is no file and no built-in fractal `{what}`");
+    let message = match path.is_dir() {
+        true => format!("`{what}` is a folder, and there is no built-in fractal of this name"),
+        false => format!("there is no file and no built-in fractal `{what}`"),
+    };
     d.push(match library.step(&what) {
         Some(step) => Diagnostic::error(format!("`{what}` is a step, not a fractal"))
             .help(format!("use it as a node of a formula file: `nodes: {{ \"a\": {}() }}`", step.name))

@@ -316,3 +316,16 @@ fn calibrations_are_shown_kept_and_switched_off() {
         assert_eq!(code(&refused), 2, "{budget}: {}", stderr(&refused));
     }
 }
+
+/// A folder is no formula: the built-in one of its name is meant, and other names are told.
+#[test]
+fn folders_are_not_read_as_formulas() {
+    let folder = folder();
+    for name in ["menger", "mine"] {
+        std::fs::create_dir(folder.path().join(name)).expect("it can be made");
+    }
+    success(&bulbfold(folder.path(), ["render", "menger", "--size", "16x12", "--calibrate", "off", "-q"]));
+    let output = bulbfold(folder.path(), ["render", "mine"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("`mine` is a folder"), "{}", stderr(&output));
+}
