@@ -5,7 +5,7 @@ use std::process::{Output, Stdio};
 
 use serde_json::Value;
 
-use crate::support::{bulbfold, folder, program, stderr, stdout};
+use crate::support::{bulbfold, folder, program, stderr, stdout, success};
 
 fn code(output: &Output) -> i32 {
     output.status.code().expect("the program was not killed")
