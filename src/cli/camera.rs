@@ -118,7 +118,8 @@ fn parse_orbit(text: &str) -> Result<[f64; 2], String> {
 impl CameraArgs {
     /// Takes a change of a file's camera, which then need not have one. An option of the same meaning wins.
     pub fn takes(&mut self, path: &str, value: &str) -> bool {
-        let inner = value.strip_prefix('(').and_then(|text| text.strip_suffix(')')).unwrap_or(value);
+        let inside = |[open, close]: [char; 2]| value.strip_prefix(open).and_then(|text| text.strip_suffix(close));
+        let inner = inside(['(', ')']).or_else(|| inside(['[', ']'])).unwrap_or(value);
         let vector = |known: &mut Option<[f64; 3]>| parse_vector(inner).map(|new| *known = known.or(Some(new))).is_ok();
         match path {
             "camera.position" => vector(&mut self.camera),

@@ -97,9 +97,9 @@ pub struct FilmMoments {
 }
 
 impl FilmMoments {
-    /// The change of the camera at a frame.
-    fn change(&self, frame: f64) -> CameraChange {
-        let mut own = self.camera;
+    /// The change of the camera at a frame, beside what tracks say of it.
+    fn change(&self, frame: f64, tracked: CameraArgs) -> CameraChange {
+        let mut own = tracked;
         for range in &self.ranges {
             let value = || range.numbers(frame, self.clock.frames);
             let vector = || <[f64; 3]>::try_from(value()).ok();
@@ -148,16 +148,17 @@ impl FilmMoments {
         }
     }
 
-    /// The changes of the formula at a frame.
-    fn set(&self, frame: f64) -> Result<Changes, Error> {
-        let mut set = self.changes.clone();
+    /// The changes of the formula at a frame, and those of its camera, which light does not follow.
+    fn set(&self, frame: f64) -> Result<(Changes, CameraArgs), Error> {
+        let (mut set, mut camera) = (self.changes.clone(), self.camera);
         if let Some(moves) = &self.moves {
             let time = self.clock.rate.time(frame);
-            set.extend(moves.at(&self.loader.library, time).map_err(|message| self.loader.failed(message))?);
+            let moved = moves.at(&self.loader.library, time).map_err(|message| self.loader.failed(message))?;
+            set.extend(moved.into_iter().filter(|(path, value)| !camera.takes(path, value)));
         }
         let moved = self.ranges.iter().filter(|range| !range.is_of_view());
         set.extend(moved.map(|range| (range.name.clone(), range.ron(frame, self.clock.frames))));
-        Ok(set)
+        Ok((set, camera))
     }
 
     /// Whether nothing but the camera's way moves.
@@ -174,11 +175,12 @@ impl Moments for FilmMoments {
 
     fn moment(&self, number: usize) -> Result<Moment, Error> {
         let frame = self.clock.frame(number);
-        let camera = self.change(frame);
         if let Some(formula) = self.still.get() {
-            return Ok(Moment { formula: formula.clone(), camera });
+            return Ok(Moment { formula: formula.clone(), camera: self.change(frame, self.camera) });
         }
-        let formula = self.loader.open(&self.set(frame)?)?;
+        let (set, tracked) = self.set(frame)?;
+        let camera = self.change(frame, tracked);
+        let formula = self.loader.open(&set)?;
         if self.is_still() {
             let _ = self.still.set(formula.clone());
         }
