@@ -11,8 +11,9 @@ use bulbfold::shade::Size;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::{EstimateArgs, FormulaArgs, parse_size};
+use super::arguments::{EstimateArgs, FormulaArgs};
 use super::progress::Progress;
+use super::sizes::parse_size;
 use super::{Outcome, Session};
 
 /// Wrong rays that are listed one by one.

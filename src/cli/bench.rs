@@ -23,10 +23,11 @@ use bulbfold::render::{Pipeline, RenderSettings, Renderer, compose_planned};
 use bulbfold::shade::Size;
 use clap::Args;
 
-use super::arguments::{AutoArgs, BackendArg, ChangeArgs, parse_positive, parse_size, precision_parser};
+use super::arguments::{AutoArgs, BackendArg, ChangeArgs, parse_positive, precision_parser};
 #[cfg(feature = "gpu")]
 use super::backend::tried_adapters;
 use super::progress::Progress;
+use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, message, usage};
 
 /// Arguments of `bench`.

@@ -16,7 +16,7 @@ Examples:
   bulbfold breed mandelbox menger
   bulbfold breed mandelbox_vary/mandelbox_03.ron mandelbox_vary/mandelbox_11.ron --count 12 -o children.png
 
-Children of the same formula have numbers between those of both. Children of two formulas iterate both: by turns, one within the
+Children of the same formula have numbers between those of both. Children of two formulas iterate both: alternately, one within the
 other, one after the other, or blended. What shows nothing, costs too much or cannot be estimated is rejected and counted, as `vary` does.")]
 pub struct Arguments {
     /// Formula file (.ron), graph script (.rhai) or the name of a built-in fractal

@@ -10,9 +10,10 @@ use bulbfold::math::Precision;
 use bulbfold::shade::Size;
 use clap::Args;
 
-use super::arguments::{AutoArgs, ChangeArgs, parse_positive, parse_size, precision_parser};
+use super::arguments::{AutoArgs, ChangeArgs, parse_positive, precision_parser};
 use super::calibrate_write;
 use super::calibration::{json, pasted, table};
+use super::sizes::parse_size;
 use super::{Outcome, Session, usage};
 
 /// The effort for a choice that many pictures will use.

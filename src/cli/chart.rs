@@ -22,11 +22,12 @@ use bulbfold::render::{RenderSettings, Renderer, compose_pipeline};
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
-use super::arguments::{BackendArg, ChangeArgs, parse_number, parse_size, precision_parser};
+use super::arguments::{BackendArg, ChangeArgs, parse_number, precision_parser};
 use super::backend::try_hardware;
 use super::output::{self, Content, check_output};
 use super::progress::Progress;
 use super::session::talk;
+use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, message, usage};
 
 /// What to draw.

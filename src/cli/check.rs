@@ -14,8 +14,9 @@ use bulbfold::shade::Size;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::{FormulaArgs, parse_size};
+use super::arguments::FormulaArgs;
 use super::progress::Progress;
+use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, message, usage};
 
 /// Version of what `--json` writes.

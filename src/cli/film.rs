@@ -206,14 +206,9 @@ fn blurred(
     all.ok_or(Error::Cancelled)
 }
 
-/// Adds what films report of a picture.
+/// Adds what a picture counted, and its times.
 fn sum(all: &mut Stats, stats: &Stats) {
-    all.rays += stats.rays;
-    all.unfinished += stats.unfinished;
-    all.nan += stats.nan;
-    all.estimates += stats.estimates;
-    all.beam_estimates += stats.beam_estimates;
-    all.shadow_estimates += stats.shadow_estimates;
+    all.add(stats);
     all.render += stats.render;
     all.compile += stats.compile;
     all.compiling = stats.compiling;

@@ -21,11 +21,12 @@ use clap::Args;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 
-use super::arguments::{AutoArgs, BackendArg, parse_size};
+use super::arguments::{AutoArgs, BackendArg};
 use super::gallery_page::{Card, Shown, page};
 use super::picture_key::graph_text;
 use super::progress::{Progress, short};
 use super::session::{formula_files, talk};
+use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, message, usage};
 
 /// Version of how pictures are made; what older programs made is rendered again.

@@ -10,12 +10,13 @@ use bulbfold::render::{FoundView, Search};
 use bulbfold::shade::Size;
 use clap::Args;
 
-use super::arguments::{AutoArgs, BackendArg, FormulaArgs, parse_size};
+use super::arguments::{AutoArgs, BackendArg, FormulaArgs};
 use super::camera::flags;
 use super::contact::{self, Cell, columns_of};
 use super::output::{Content, check_output, refuse_both};
 use super::progress::Progress;
 use super::session::{refuse_plane, talk};
+use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, message};
 
 /// Arguments of `look`.

@@ -68,6 +68,7 @@ mod session;
 mod sheet;
 mod shell;
 mod show;
+mod sizes;
 mod stats;
 mod sweep;
 mod taken;
@@ -137,10 +138,10 @@ enum Command {
     #[cfg(feature = "chart")]
     Chart(chart::Arguments),
     /// Find a flight through a formula, and write it as a file.
-    Fly(fly::Arguments),
+    Fly(Box<fly::Arguments>),
     /// Draw the way of a film's camera, and write it for other programs: glTF, USD, JSON.
     #[cfg(feature = "chart")]
-    Path(path::Arguments),
+    Path(Box<path::Arguments>),
     /// Find views that are worth it, and show them on a contact sheet.
     #[cfg(feature = "chart")]
     Look(look::Arguments),

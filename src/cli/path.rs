@@ -11,11 +11,12 @@ use bulbfold::shade::Size;
 use clap::Args;
 
 use super::animate::FilmArgs;
-use super::arguments::{AutoArgs, FormulaArgs, parse_size};
+use super::arguments::{AutoArgs, FormulaArgs};
 use super::camera::CameraArgs;
 use super::moments::FilmMoments;
 use super::output::{Content, check_output, not_written, write};
 use super::session::talk;
+use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, message, usage};
 
 /// Arguments of `path`.

@@ -7,10 +7,11 @@ use bulbfold::render::{MIRRORS, PathTracing, Sampling};
 use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 
-use super::arguments::{AutoArgs, BackendArg, FilmArgs, FormulaArgs, PicturePrecision, parse_size};
+use super::arguments::{AutoArgs, BackendArg, FilmArgs, FormulaArgs, PicturePrecision};
 use super::camera::{CameraArgs, usual_size};
 use super::matter::LookArgs;
 use super::pictures::OutputArgs;
+use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, usage};
 
 /// A picture, however many of it are wanted.

@@ -6,15 +6,17 @@ use std::sync::Arc;
 
 use bulbfold::engine::{Formula, Request};
 use bulbfold::explore::{Parent, Variation, vary};
+use bulbfold::motion::Changes;
 use bulbfold::shade::Size;
 use clap::Args;
 
-use super::arguments::{AutoArgs, BackendArg, ChangeArgs, parse_size};
+use super::arguments::{AutoArgs, BackendArg, ChangeArgs};
 use super::contact::{self, Cell, columns_of};
 use super::output::{Content, check_output};
 use super::progress::Progress;
 use super::range::Range;
 use super::session::{formula_files, talk};
+use super::sizes::parse_size;
 use super::vary::{picture, stem_of};
 use super::{Failure, Outcome, Session, usage};
 
@@ -179,17 +181,17 @@ impl Grid<'_> {
     }
 
     /// What is set at each place, row by row, and how that reads.
-    fn places(&self) -> Vec<(Vec<(String, String)>, Vec<String>)> {
+    fn places(&self) -> Vec<(Changes, Vec<String>)> {
         let mut places = vec![Vec::new()];
         for (range, count) in self.axes.iter().rev() {
-            let values = |place: Vec<(String, String)>| {
+            let values = |place: Changes| {
                 let value = move |i: u32| (range.name.clone(), range.ron(i, *count));
                 (0..*count).map(move |i| place.iter().cloned().chain([value(i)]).collect())
             };
             places = places.into_iter().flat_map(values).collect();
         }
         let read = |(name, value): &(String, String)| format!("{name} {value}");
-        let both = |place: Vec<(String, String)>| {
+        let both = |place: Changes| {
             let notes = place.iter().rev().map(read).collect();
             (place, notes)
         };

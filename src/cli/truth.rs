@@ -21,10 +21,11 @@ use bulbfold::shade::Size;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::arguments::{AutoArgs, BackendArg, ChangeArgs, parse_size, precision_parser};
+use super::arguments::{AutoArgs, BackendArg, ChangeArgs, precision_parser};
 use super::points::read_rows;
 use super::progress::{Progress, short};
 use super::session::formula_files;
+use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, truth_table, usage};
 
 /// Version of what `--json` writes.

@@ -129,7 +129,7 @@ fn joined((own, other): (&str, &str), sequences: [Vec<Value>; 2], random: &mut R
                 all.extend(queues[at].next());
                 at = 1 - at;
             }
-            (tuple("Sequence", vec![list(all)]), format!("the steps of {own} and {other} by turns"))
+            (tuple("Sequence", vec![list(all)]), format!("the steps of {own} and {other} alternately"))
         }
         2 => {
             let to = 1 + random.below(4);

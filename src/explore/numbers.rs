@@ -64,10 +64,12 @@ fn of_constant(label: &str, constant: &mut Value, visit: &mut dyn FnMut(Site)) {
             [Value { kind: ValueKind::Tuple { items, .. } | ValueKind::List(items), .. }] => point(items),
             items => point(items),
         },
-        ValueKind::Struct { .. } => match field_mut(constant, "julia").map(|julia| &mut julia.kind) {
-            Some(ValueKind::Tuple { items, .. } | ValueKind::List(items)) => point(items),
-            _ => {}
-        },
+        ValueKind::Struct { .. } => {
+            let julia = field_mut(constant, "julia").map(|julia| &mut julia.kind);
+            if let Some(ValueKind::Tuple { items, .. } | ValueKind::List(items)) = julia {
+                point(items);
+            }
+        }
         _ => {}
     }
 }

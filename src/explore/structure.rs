@@ -8,9 +8,11 @@ use crate::formula::step::{Growth, StateWidth, Step};
 use crate::formula::value::{Name, Value, ValueKind};
 use crate::math::random::Random;
 
+/// Changes a graph, and says how; nothing where it cannot.
+type Change = fn(&mut Value, &Library, &mut Random) -> Option<String>;
+
 /// Kinds of change, in the order in which they are tried from a random one on.
-const KINDS: [fn(&mut Value, &Library, &mut Random) -> Option<String>; 6] =
-    [exchange, insert, swap, remove, hybrid, constant];
+const KINDS: [Change; 6] = [exchange, insert, swap, remove, hybrid, constant];
 /// Tries of a draft until a change applies.
 const TRIES: usize = 8;
 

@@ -33,20 +33,21 @@ pub fn read(
 ) -> Option<ValidGraph> {
     let graph = read_once(library, value, name, (overrides, imports), d)?;
     let errors = d.error_count();
+    let mut try_with = |changes: &[Override], what: &str| {
+        let mut own = Diagnostics::default();
+        read_once(library, value, name, (changes, imports), &mut own);
+        for error in own.iter().filter(|diagnostic| diagnostic.severity == Severity::Error) {
+            d.push(error.clone().help(format!("this is with {what}")));
+        }
+        own.has_errors()
+    };
     for preset in &graph.presets {
-        let mut own = Diagnostics::default();
-        read_once(library, value, name, (&preset.changes, imports), &mut own);
-        for error in own.iter().filter(|diagnostic| diagnostic.severity == Severity::Error) {
-            d.push(error.clone().help(format!("this is with the preset `{}`", preset.name)));
-        }
+        try_with(&preset.changes, &format!("the preset `{}`", preset.name));
     }
-    for ends in graph.scene.motion.iter().flat_map(|motion| motion.ends()).filter(|ends| !ends.is_empty()) {
-        let mut own = Diagnostics::default();
-        read_once(library, value, name, (&ends, imports), &mut own);
-        for error in own.iter().filter(|diagnostic| diagnostic.severity == Severity::Error) {
-            d.push(error.clone().help("this is with the values of the animation's tracks"));
-        }
-        if own.has_errors() {
+    let ends = graph.scene.motion.iter().flat_map(|motion| motion.ends()).filter(|ends| !ends.is_empty());
+    for ends in ends {
+        // What is wrong with both ends is told once.
+        if try_with(&ends, "the values of the animation's tracks") {
             break;
         }
     }

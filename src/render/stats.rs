@@ -55,7 +55,7 @@ pub struct Stats {
 
 impl Stats {
     /// Adds what a part of the picture counted. Times of compiling and of the whole render are not a part's.
-    pub(crate) fn add(&mut self, part: &Stats) {
+    pub fn add(&mut self, part: &Stats) {
         self.rays += part.rays;
         self.refined += part.refined;
         self.hits += part.hits;

@@ -30,7 +30,7 @@ fn parent(what: &str) -> (Arc<Formula>, Parent) {
 fn verdict(text: &str) -> Result<f64, Reason> {
     let engine = Engine::new();
     let ball = engine.read("ball.ron", BALL, &[]).expect("a sphere");
-    let judge = Judge::of(&engine, &[ball.clone()], &request()).expect("a sphere can be judged");
+    let judge = Judge::of(&engine, std::slice::from_ref(&ball), &request()).expect("a sphere can be judged");
     let parent = Parent::of(&ball, "ball").expect("a sphere is a parent");
     judge.judge(&engine, &parent, text, &[]).map(|accepted| accepted.hits).map_err(|(reason, _)| reason)
 }
