@@ -1,7 +1,7 @@
 //! Variations of formulas: drafts of new ones from the texts of old ones, and which of them are worth a look.
 //!
 //! In comes a [`Parent`], a formula as its value tree. [`vary`] draws a draft with other numbers, or with other steps too;
-//! [`breed`] draws one of two parents. A [`Judge`] settles a draft and looks at it with a coarse grid of rays: what shows nothing,
+//! [`breed()`] draws one of two parents. A [`Judge`] settles a draft and looks at it with a coarse grid of rays: what shows nothing,
 //! is dust or plain, is cut by the frame, costs too much, cannot be estimated or looks like another is rejected, with its [`Reason`]. [`search`] goes on until enough
 //! drafts are left. Everything follows from texts, settings and seed; no clock is involved.
 
@@ -182,7 +182,7 @@ impl Found {
     }
 }
 
-/// Draws drafts until `count` of them are accepted, or [`TRIES`] times as many are drawn. `tell` hears how many are.
+/// Draws drafts until `count` of them are accepted, or some times as many are drawn. `tell` hears how many are.
 ///
 /// Errors: those of `draw`.
 pub fn search(

@@ -46,7 +46,7 @@ pub fn shadow_plan(plan: &Plan) -> Plan {
 }
 
 /// Whether the march of a plan's shadow rays can tell how near they come to what hides a light: estimates that have to be multiplied by less
-/// than [`LEAST_TRUSTED`] do not fall to 0 at the surface, and proofs tell nothing but empty stretches.
+/// than 0.2 do not fall to 0 at the surface, and proofs tell nothing but empty stretches.
 pub fn tells_nearness(plan: &Plan) -> bool {
     let plan = shadow_plan(plan);
     plan.fudge >= LEAST_TRUSTED && !plan.choices.iter().any(|choice| choice.method.is_certified())
