@@ -132,8 +132,9 @@ mod tests {
             let points = loudness(&path, band, 0.05).expect("it can be read");
             points[(time * 100.0) as usize].1
         };
-        assert!(at([30.0, 120.0], 0.5) > 0.9 && at([30.0, 120.0], 1.5) < 0.05);
-        assert!(at([1000.0, 2000.0], 0.5) < 0.05 && at([1000.0, 2000.0], 1.5) > 0.9);
+        // The beginning of a tone is louder than the tone itself.
+        assert!(at([30.0, 120.0], 0.5) > 0.8 && at([30.0, 120.0], 1.5) < 0.05);
+        assert!(at([1000.0, 2000.0], 0.5) < 0.05 && at([1000.0, 2000.0], 1.5) > 0.8);
         assert!(loudness(&path, [200.0, 100.0], 0.1).is_err());
         assert!(loudness(&folder.path().join("none.wav"), [20.0, 100.0], 0.1).is_err());
     }
