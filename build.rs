@@ -4,7 +4,33 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::{env, fs};
 
+/// The commit that is built: what is stated, that of the package, or that of a checkout, which later commits may have changed since this
+/// ran.
+fn commit() -> String {
+    println!("cargo::rerun-if-env-changed=BULBFOLD_COMMIT");
+    if let Ok(stated) = env::var("BULBFOLD_COMMIT") {
+        return stated;
+    }
+    let digits = |text: &str| text.chars().take_while(char::is_ascii_hexdigit).take(12).collect::<String>();
+    if let Ok(text) = fs::read_to_string(".cargo_vcs_info.json")
+        && let Some((_, rest)) = text.split_once("\"sha1\":")
+    {
+        return digits(rest.trim_start().trim_start_matches('"'));
+    }
+    let head = fs::read_to_string(".git/HEAD").unwrap_or_default();
+    let found = match head.trim().strip_prefix("ref: ") {
+        Some(name) => fs::read_to_string(Path::new(".git").join(name)).unwrap_or_default(),
+        None => head,
+    };
+    match digits(found.trim()) {
+        none if none.is_empty() => "unknown".into(),
+        commit => format!("{commit} or later"),
+    }
+}
+
 fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rustc-env=BULBFOLD_COMMIT={}", commit());
     let mut code = String::new();
     const FOLDERS: [(&str, &str); 6] = [
         ("steps", "rhai"),

@@ -62,6 +62,7 @@ pub mod film;
 pub mod formula;
 pub mod graph;
 pub mod kernel;
+pub mod live;
 pub mod load;
 pub mod march;
 pub mod math;

@@ -13,7 +13,7 @@
 //!
 //! let formula = Formula::builtin("menger").unwrap().without_calibration();
 //! let options = Options { cache: None, ..Options::of_view(&formula.subject()) };
-//! let calibration = calibrate(&formula.subject(), &options, &mut |_| {}).unwrap();
+//! let calibration = calibrate(&formula.subject(), &options, &mut |_| true).unwrap();
 //! assert!(calibration.is_within && calibration.evidence.iter().any(|row| row.is_chosen()));
 //! ```
 
@@ -54,6 +54,8 @@ use race::Race;
 const FIRST_RAYS: usize = 24;
 const MOST_TRUTHS: usize = 4000;
 const ENOUGH_HITS: usize = 800;
+/// The share that is told while a choice is confirmed.
+const ALMOST_DONE: f64 = 0.99;
 /// Share of all work that the truth may take; the candidates take the rest.
 const SHARE_OF_TRUTH: f64 = 0.4;
 /// The same of the truth of other rays, by which the choice is confirmed; hits that are enough for it; and choices that are tried.
@@ -236,11 +238,12 @@ impl Calibration {
     }
 }
 
-/// Chooses for a formula and a view. `progress` receives the share that is done. Fails only where a step's script does.
+/// Chooses for a formula and a view. `progress` receives the share that is done, and says whether to go on: a calibration that is ended
+/// chooses by rules, and is not kept. Fails only where a step's script does.
 pub fn calibrate(
     subject: &Subject,
     options: &Options,
-    progress: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Calibration, Diagnostic> {
     let start = Instant::now();
     let estimates: Vec<EstimateSettings> =
@@ -274,8 +277,13 @@ pub fn calibrate(
     if let Some(found) = entry.as_ref().and_then(|path| cache::read(path)) {
         return Ok(found.into_calibration(&space, options, start));
     }
-    let mut calibration = measure(subject, options, &space, start, progress)?;
-    if let Some(path) = entry
+    let mut is_ended = false;
+    let mut go_on = |share: f64| {
+        is_ended |= !progress(share);
+        !is_ended
+    };
+    let mut calibration = measure(subject, options, &space, start, &mut go_on)?;
+    if let Some(path) = entry.filter(|_| !is_ended)
         && let Err(why) = cache::write(&path, &calibration)
     {
         calibration.warnings.push(format!("the calibration could not be kept in {}: {why}", path.display()));
@@ -306,7 +314,7 @@ fn measure(
     options: &Options,
     space: &Space,
     start: Instant,
-    progress: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Calibration, Diagnostic> {
     let scale = Scale::of_view(&options.camera, options.size, subject.plan.bounding_radius);
     let marching = Marching::new(subject, options, scale);
@@ -317,6 +325,9 @@ fn measure(
     let truths = find_truths(subject, (&rays, scale), (&mut meter, SHARE_OF_TRUTH, ENOUGH_HITS), progress)?;
     let [hits, misses, _] = truths.counts();
     let mut outcome = Race::new(options, space, &truths, marching, (&mut meter, pilot)).run(progress)?;
+    if !progress(ALMOST_DONE) {
+        return Ok(without_measuring(subject, Origin::Rules, (options.budget, options.size.height), start));
+    }
     let terms = Terms { budget: &options.budget, proof: space.wants_proof };
     let mut health: Option<Health> = None;
     let mut jumps = || {
@@ -328,7 +339,9 @@ fn measure(
     };
     let fresh = view_rays(&options.camera, options.size, MOST_TRUTHS, options.seed + 2);
     let mut extra = Meter::new(options, pilot.price);
-    let fresh = find_truths(subject, (&fresh, scale), (&mut extra, SHARE_OF_FRESH, FRESH_HITS), &mut |_| {})?;
+    let fresh = find_truths(subject, (&fresh, scale), (&mut extra, SHARE_OF_FRESH, FRESH_HITS), &mut |_| {
+        progress(ALMOST_DONE)
+    })?;
     let mut evidence = rows(&outcome.tried, terms, &mut jumps)?;
     for _ in 0..CONFIRMED {
         let chosen = evidence.iter().position(Row::is_chosen);
@@ -399,7 +412,7 @@ fn find_truths(
     subject: &Subject,
     (rays, scale): (&[Ray], Scale),
     (meter, most, hits): (&mut Meter, f64, usize),
-    progress: &mut dyn FnMut(f64),
+    progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Truths, Diagnostic> {
     let composer = subject.composer();
     let mut truths = Truths::find(&composer, &subject.plan.choices, &rays[..FIRST_RAYS], scale, &mut |_| true)?;
@@ -414,7 +427,9 @@ fn find_truths(
             break;
         }
         truths.extend(portion, &mut |_| true);
-        progress(most * truths.rays.len() as f64 / count as f64);
+        if !progress(most * truths.rays.len() as f64 / count as f64) {
+            break;
+        }
     }
     meter.spend(truths.members().operations());
     Ok(truths)

@@ -152,7 +152,7 @@ impl<'a> Race<'a> {
     }
 
     /// Runs until nothing is expected to be a better choice, or until the work or the candidates come to an end.
-    pub fn run(mut self, told: &mut dyn FnMut(f64)) -> ComposeResult<Outcome<'a>> {
+    pub fn run(mut self, told: &mut dyn FnMut(f64) -> bool) -> ComposeResult<Outcome<'a>> {
         self.line_up()?;
         self.look_carefully()?;
         loop {
@@ -173,7 +173,9 @@ impl<'a> Race<'a> {
                 self.try_one(&entry.candidate, self.first)?;
                 self.settle(self.tried.len() - 1, entry.after);
             }
-            told(self.meter.share());
+            if !told(self.meter.share()) {
+                break;
+            }
         }
         let Race { sight, tried, notes, marching, .. } = self;
         let with_tally = |tried: Tried| {

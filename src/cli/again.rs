@@ -90,7 +90,7 @@ fn merged(recipe: &Recipe, asked: Asked) -> Request {
         other => other,
     };
     Request {
-        size: if has("size") { new.size } else { base.size },
+        size: if has("size") || has("scale") { new.size } else { base.size },
         samples: if has("samples") { new.samples } else { base.samples },
         sampling: if has("sampling") { new.sampling } else { base.sampling },
         camera: if new.camera.is_empty() { base.camera } else { new.camera },

@@ -114,7 +114,7 @@ const SECONDS: f64 = 4.0;
 pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     arguments.picture.take_changes();
     let arguments = &*arguments;
-    arguments.picture.refuse_picture("a film")?;
+    arguments.picture.want_file("a film")?;
     let start = Instant::now();
     let encoder = encode::encoder(&arguments.picture, arguments.check)?;
     let names = match &encoder {
@@ -138,7 +138,7 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
         arguments.audio.clone().or_else(|| moments.moves.as_ref().and_then(|m| m.audio().map(Path::to_path_buf)));
     let session = session.keeping_kernels();
     if arguments.check {
-        return flicker::check(session, (&moments, &frames), &request, arguments.picture.quiet, out);
+        return flicker::check(session, (&moments, &frames), &request, out);
     }
     if let Some(encoder) = &encoder {
         encoder.prepare(audio.as_deref())?;
@@ -159,19 +159,19 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
         manifest::write_manifest(&names, (&arguments.picture, &settings), (&moments.clock, &report))?;
     }
     if let Some(encoder) = &encoder {
-        let whole = (arguments.frames.is_none()).then_some(audio.as_deref()).flatten();
+        // The sound of some frames begins where the first of them does.
+        let first = arguments.frames.map_or(0, |[first, _]| first - 1);
+        let begin = f64::from(first) * f64::from(rate.seconds) / f64::from(rate.frames);
         encoder.join(
             &report.written,
             (rate, arguments.every),
-            whole,
+            audio.as_deref().map(|audio| (audio, begin)),
             arguments.keep_frames,
-            arguments.picture.quiet,
+            session.progress(),
         )?;
     }
     arguments.tell(&report, out)?;
-    if !arguments.picture.quiet {
-        talk(&format!("{} ({})", shown(&names, encoder.as_ref(), count), short(start.elapsed())));
-    }
+    session.say(&format!("{} ({})", shown(&names, encoder.as_ref(), count), short(start.elapsed())));
     Ok(())
 }
 
@@ -203,7 +203,7 @@ impl Arguments {
     fn sized(&self, request: Request, moments: &FilmMoments, session: &Session) -> Result<Request, Failure> {
         use bulbfold::engine::Moments;
         let first = moments.moment(0).map_err(|error| session.failed(error))?;
-        let size = self.picture.size_for(first.formula.graph().scene.camera);
+        let size = self.picture.size_for(first.formula.graph().scene.camera)?;
         let size = match self.preview && size.width > PREVIEW {
             true => Size { width: PREVIEW, height: (size.height * PREVIEW / size.width).max(2) / 2 * 2 },
             false => size,

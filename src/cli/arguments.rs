@@ -124,6 +124,7 @@ impl ValueEnum for FormArg {
 
 /// The distance estimate.
 #[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Estimate")]
 pub struct EstimateArgs {
     /// Distance estimate
     #[arg(long, value_enum, default_value = AUTO, value_name = "METHOD")]
@@ -157,6 +158,7 @@ pub struct EstimateArgs {
 
 /// The distance estimate, where it can be measured.
 #[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Estimate")]
 pub struct AutoArgs {
     #[command(flatten)]
     pub estimate: EstimateArgs,
@@ -313,6 +315,7 @@ impl ChangeArgs {
 
 /// The film: what replaces settings of the file's.
 #[derive(Args, Clone, Default, Debug)]
+#[command(next_help_heading = "Film")]
 pub struct FilmArgs {
     /// Exposure in stops: each doubles the light [default: the file's, else 0]
     #[arg(long, value_name = "STOPS", allow_hyphen_values = true, value_parser = parse_exposure)]

@@ -12,7 +12,6 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::{EstimateArgs, FormulaArgs};
-use super::progress::Progress;
 use super::sizes::parse_size;
 use super::{Outcome, Session};
 
@@ -39,9 +38,6 @@ pub struct Arguments {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
-    /// No progress
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// Runs the command.
@@ -51,7 +47,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     let composer = Composer { arena: &arena, library: &session.library, graph: &graph };
     let estimate = arguments.estimate.settings();
     let settings = RenderSettings { size: arguments.size, estimate, ..RenderSettings::default() };
-    let mut progress = Progress::new(arguments.quiet);
+    let mut progress = session.progress();
     let result = audit(&composer, &settings, arguments.rays as usize, &mut |share| progress.update(share));
     progress.finish();
     let result = result.map_err(|diagnostic| session.failure(diagnostic))?;

@@ -26,7 +26,6 @@ use clap::Args;
 use super::arguments::{AutoArgs, BackendArg, ChangeArgs, parse_positive, precision_parser};
 #[cfg(feature = "gpu")]
 use super::backend::tried_adapters;
-use super::progress::Progress;
 use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, message, usage};
 
@@ -69,9 +68,6 @@ pub struct Arguments {
     /// Print lines of CSV instead of tables
     #[arg(long)]
     csv: bool,
-    /// No progress
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// What marches.
@@ -162,7 +158,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
     for file in &arguments.files {
         graphs.push(session.load(file, &arguments.changes.changes())?.graph);
     }
-    let mut progress = Progress::new(arguments.quiet);
+    let mut progress = session.progress();
     let mut all = Vec::new();
     for (i, graph) in graphs.iter().enumerate() {
         let of = graphs.len() as f64;
@@ -262,7 +258,7 @@ impl Bench<'_> {
         let precision = self.arguments.precision.unwrap_or(Precision::F32);
         let calibration = settling
             .plan(self.graph)
-            .and_then(|plan| settling.estimate(self.graph, plan, precision, &mut self.session.watch(true)));
+            .and_then(|plan| settling.estimate(self.graph, plan, precision, &mut self.session.hushed()));
         let plan = calibration.map_err(|error| self.session.failed(error))?.plan;
         if !self.arguments.methods {
             return Ok(vec![plan]);

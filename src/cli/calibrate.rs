@@ -93,7 +93,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
             .seen(graph)
             .and_then(|graph| {
                 let plan = settling.plan(&graph)?;
-                settling.estimate(&graph, plan, arguments.precision, &mut session.watch(false))
+                settling.estimate(&graph, plan, arguments.precision, &mut session.watch())
             })
             .map_err(|error| session.failed(error))?;
         if arguments.json {

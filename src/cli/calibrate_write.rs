@@ -187,7 +187,10 @@ fn measure(
         let subject = Subject { plan, ..*subject };
         let options = Options { budget, cache: None, ..settling.options(&subject, arguments.precision) };
         let mut progress = Progress::new(false);
-        let calibration = calibrate(&subject, &options, &mut |share| progress.update(share));
+        let calibration = calibrate(&subject, &options, &mut |share| {
+            progress.update(share);
+            true
+        });
         progress.finish();
         let calibration = calibration.map_err(|error| told(session.failure(error)))?;
         let text = with_outcome(&subject, text, &calibration);

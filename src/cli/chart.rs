@@ -25,8 +25,6 @@ use clap::{Args, ValueEnum};
 use super::arguments::{BackendArg, ChangeArgs, parse_number, precision_parser};
 use super::backend::try_hardware;
 use super::output::{self, Content, check_output};
-use super::progress::Progress;
-use super::session::talk;
 use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, message, usage};
 
@@ -83,9 +81,6 @@ pub struct Arguments {
     /// Pixels of a PNG for each unit of the page
     #[arg(long, value_name = "S", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=8))]
     scale: u32,
-    /// Print no progress and no message on success
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// Step multipliers in rising order.
@@ -132,7 +127,7 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Outcome {
         graphs.push(session.load_solid(file, &arguments.changes.changes(), "`chart`")?);
     }
     session.spare_inputs(&target)?;
-    let mut progress = Progress::new(arguments.quiet);
+    let mut progress = session.progress();
     let mut sheets = Vec::new();
     for (i, graph) in graphs.iter().enumerate() {
         let (done, all) = (i as f64, graphs.len() as f64);
@@ -142,8 +137,8 @@ pub fn run(arguments: &Arguments, session: &mut Session) -> Outcome {
     }
     progress.finish();
     write(arguments, &target, format, sheets)?;
-    if !arguments.quiet && !target.is_stream() {
-        talk(&output.display().to_string());
+    if !target.is_stream() {
+        session.say(&output.display().to_string());
     }
     Ok(())
 }
@@ -284,7 +279,7 @@ impl Chart<'_> {
             cache: None,
             ..Options::of_view(subject)
         };
-        let calibration = calibrate(subject, &options, &mut |_| ());
+        let calibration = calibrate(subject, &options, &mut |_| true);
         let calibration = calibration.map_err(|diagnostic| self.session.failure(diagnostic))?;
         calibration.warnings.iter().for_each(|warning| self.session.warn(warning));
         let (candidates, auto) = self.candidates(subject, &calibration.plan);

@@ -105,16 +105,15 @@ impl Encoder {
         fs::create_dir_all(&folder).map_err(|error| super::output::cannot_write(&folder, &error))
     }
 
-    /// Puts the frames together, and removes them unless they are to be kept.
+    /// Puts the frames together, and removes them unless they are to be kept. The sound has the time at which it begins, in seconds.
     pub fn join(
         &self,
         frames: &[Written],
         (rate, every): (Rate, u32),
-        audio: Option<&Path>,
+        audio: Option<(&Path, f64)>,
         keeps: bool,
-        quiet: bool,
+        mut progress: Progress,
     ) -> Outcome {
-        let mut progress = Progress::new(quiet);
         let frame_time = (rate.seconds * every, rate.frames);
         let joined = match self.by {
             By::Own(format) => self.own(format, frames, frame_time, &mut progress),
@@ -155,7 +154,7 @@ impl Encoder {
         &self,
         kind: usize,
         frames: &[Written],
-        (frame_time, audio): ((u32, u32), Option<&Path>),
+        (frame_time, audio): ((u32, u32), Option<(&Path, f64)>),
         progress: &mut Progress,
     ) -> Outcome {
         let (ending, video, sound) = FFMPEG[kind];
@@ -164,7 +163,10 @@ impl Encoder {
         let mut command = Command::new(FFMPEG_NAME);
         command.args(["-hide_banner", "-loglevel", "error", "-y", "-f", "image2pipe", "-c:v", "png", "-framerate"]);
         command.arg(format!("{}/{}", frame_time.1, frame_time.0)).args(["-i", "-"]);
-        if let Some(audio) = audio {
+        if let Some((audio, begin)) = audio {
+            if begin > 0.0 {
+                command.arg("-ss").arg(begin.to_string());
+            }
             command.arg("-i").arg(audio).args(["-map", "0:v", "-map", "1:a"]).args(sound);
             // The film is as long as its pictures.
             command
@@ -177,13 +179,11 @@ impl Encoder {
         command.args(["-color_range", "tv"]).arg(&whole);
         let child = command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
         let mut child = child.map_err(|error| failed(&error.to_string()))?;
+        // Read while frames are fed: a pipe that is full would stop both.
+        let messages = child.stderr.take().map(|stderr| std::thread::spawn(move || last_words(stderr)));
         let fed = feed(child.stdin.take(), frames, progress);
-        let mut told = String::new();
-        if let Some(mut stderr) = child.stderr.take() {
-            // Only read after the frames are fed: with `-loglevel error` it says little.
-            let _ = stderr.by_ref().take(1 << 16).read_to_string(&mut told);
-        }
         let is_done = child.wait().is_ok_and(|status| status.success());
+        let told = messages.and_then(|thread| thread.join().ok()).unwrap_or_default();
         let last = told.lines().rfind(|line| !line.trim().is_empty()).unwrap_or_default();
         match (is_done, fed) {
             (true, Ok(())) => {}
@@ -200,6 +200,19 @@ impl Encoder {
         Ok(())
     }
 }
+
+/// The end of what a program says, which it never waits for.
+fn last_words(mut from: impl Read) -> String {
+    let (mut last, mut part) = (Vec::new(), [0; 4096]);
+    while let Ok(count @ 1..) = from.read(&mut part) {
+        last.extend(&part[..count]);
+        last.drain(..last.len().saturating_sub(MOST_WORDS));
+    }
+    String::from_utf8_lossy(&last).into_owned()
+}
+
+/// Bytes of messages that are kept.
+const MOST_WORDS: usize = 1 << 14;
 
 /// The name under which ffmpeg is looked for.
 const FFMPEG_NAME: &str = "ffmpeg";

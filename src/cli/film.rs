@@ -61,7 +61,7 @@ pub fn render(mut film: Film, session: &Session) -> Result<Report, Failure> {
     let failed = |error| session.failed(error);
     film.settle_request(session)?;
     let targets = film.names.targets(session, &film.frames)?;
-    let mut watch = session.watch(film.picture.quiet);
+    let mut watch = session.watch();
     let mut animation = Animation::settle(film.moments, &film.request, &mut watch).map_err(failed)?;
     announce(session, &film, &mut animation)?;
     let (mut report, mut named) = (Report::default(), 0);

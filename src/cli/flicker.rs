@@ -23,14 +23,13 @@ pub fn check(
     session: &Session,
     (moments, frames): (&FilmMoments, &[u32]),
     request: &Request,
-    quiet: bool,
     out: &mut dyn Write,
 ) -> Outcome {
     let failed = |error| session.failed(error);
     let Size { width, height } = request.size;
     let size = Size { width: COLUMNS.min(width), height: (height * COLUMNS.min(width) / width).max(1) };
     let request = Request { size, samples: 2, layers: Layers::NONE.and(Layer::Depth), path: None, ..request.clone() };
-    let mut watch = session.watch(quiet);
+    let mut watch = session.watch();
     let mut animation = Animation::settle(moments, &request, &mut watch).map_err(failed)?;
     let [first, last] = [frames[0], frames[frames.len() - 1]];
     if last < first + 2 {

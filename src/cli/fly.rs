@@ -7,6 +7,7 @@ use bulbfold::engine::path::{CameraPath, Flight, PathSettings, View, fly};
 use bulbfold::engine::{Formula, Request};
 use bulbfold::formula::ron::{Limits, read_ron};
 use bulbfold::formula::value::ValueKind;
+use bulbfold::live::with_changes;
 use bulbfold::render::Search;
 use clap::Args;
 
@@ -61,12 +62,8 @@ pub fn run(arguments: &mut Arguments, session: &mut Session) -> Outcome {
     let output = arguments.output.clone().unwrap_or_else(|| PathBuf::from(format!("{stem}_flight.ron")));
     let target = check_output(&output, Some("ron"), Content::Text)?;
     let changes = arguments.formula.changes();
-    if !changes.is_empty() {
-        let help = "`bulbfold new NAME --from FORMULA` writes a file; change it there";
-        return Err(usage("a flight's file is the formula as it is, without `--set` and `--preset`", help));
-    }
-    let loaded = session.load(file, &[])?;
-    let text = loaded.text;
+    let loaded = session.load(file, &changes)?;
+    let text = session.library.sources.text(loaded.text).to_string();
     let formula = std::sync::Arc::new(Formula::of(session.library.clone(), loaded));
     refuse_plane(formula.graph(), "`fly`")?;
     session.spare_inputs(&target)?;
@@ -78,6 +75,9 @@ pub fn run(arguments: &mut Arguments, session: &mut Session) -> Outcome {
         Request { camera: arguments.camera.change(), ..arguments.estimate.request(super::picture_args::DEFAULT_SIZE) };
     let (views, clearance) = found(arguments, session, &formula, &request)?;
     let animation = animation(&views, (arguments, clearance));
+    let text =
+        with_changes(&text, &changes).map_err(|error| usage(error, "write the change into a file of your own"))?;
+    let text = session.library.sources.add(file.display().to_string(), text);
     let written = with_animation(session, text, &animation)?;
     let note =
         format!("// A flight by `bulbfold fly {stem} --seed {} --seconds {}`.\n", arguments.seed, arguments.seconds);

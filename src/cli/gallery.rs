@@ -24,8 +24,8 @@ use image::codecs::jpeg::JpegEncoder;
 use super::arguments::{AutoArgs, BackendArg};
 use super::gallery_page::{Card, Shown, page};
 use super::picture_key::graph_text;
-use super::progress::{Progress, short};
-use super::session::{formula_files, talk};
+use super::progress::short;
+use super::session::formula_files;
 use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, message, usage};
 
@@ -78,9 +78,6 @@ pub struct Arguments {
     /// Render all pictures again
     #[arg(long)]
     again: bool,
-    /// Print no progress and no message on success
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// A formula and its picture.
@@ -141,15 +138,12 @@ pub fn run(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) ->
         let cards: Vec<Card> = items.iter().map(|item| card(arguments, item)).collect();
         session.write(&made, page(&cards, &format!("Bulbfold {}", env!("CARGO_PKG_VERSION"))).as_bytes())?;
     }
-    if !arguments.quiet {
-        let kept = items.len() - broken.len() - rendered;
+    if !session.quiet {
         writeln!(out, "{}", made.display())?;
-        talk(&format!(
-            "{rendered} pictures rendered, {kept} kept, {} broken ({})",
-            broken.len(),
-            short(start.elapsed())
-        ));
     }
+    let kept = items.len() - broken.len() - rendered;
+    let (broken_count, time) = (broken.len(), short(start.elapsed()));
+    session.say(&format!("{rendered} pictures rendered, {kept} kept, {broken_count} broken ({time})"));
     if broken.is_empty() {
         return Ok(());
     }
@@ -221,7 +215,7 @@ fn render_all(
     let is_due = |item: &Item| item.read.as_ref().is_ok_and(|read| arguments.again || !shows(&path(item), &read.key));
     let due: Vec<usize> = (0..items.len()).filter(|&i| is_due(&items[i])).collect();
     let (size, quality) = made_as(arguments);
-    let mut progress = Progress::new(arguments.quiet);
+    let mut progress = session.progress();
     let mut rendered = 0;
     for (done, &i) in due.iter().enumerate() {
         let Ok(Read { formula, key, .. }) = &items[i].read else { continue };

@@ -11,6 +11,7 @@ use super::{Failure, Session, usage};
 
 /// What is changed of a look.
 #[derive(Args, Clone, Default, Debug)]
+#[command(next_help_heading = "Light")]
 pub struct LookArgs {
     /// Take the colours of a palette (`bulbfold list palettes`), of a file (.ggr, .ugr, .gradient, .map, .ron, a list of colours), or random ones
     #[arg(long, value_name = "NAME|FILE|random")]

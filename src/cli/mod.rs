@@ -21,6 +21,7 @@ mod chart;
 mod check;
 mod clean;
 mod compile;
+mod config;
 #[cfg(feature = "chart")]
 mod contact;
 mod cost;
@@ -50,6 +51,7 @@ mod matter_pages;
 mod moments;
 mod new;
 mod notation;
+mod observer;
 mod output;
 mod page;
 #[cfg(feature = "chart")]
@@ -77,6 +79,7 @@ mod truth;
 mod truth_table;
 #[cfg(feature = "chart")]
 mod vary;
+mod version;
 #[cfg(feature = "chart")]
 mod view;
 mod watch;
@@ -91,7 +94,7 @@ pub use session::Session;
 
 /// Composes hybrid 3D fractals from small formula steps and renders them.
 #[derive(Parser, Debug)]
-#[command(name = "bulbfold", version, max_term_width = 100, after_help = EXAMPLES)]
+#[command(name = "bulbfold", version, long_version = &version::LONG[..], max_term_width = 100, after_help = EXAMPLES)]
 struct Cli {
     /// Also read the steps (*.rhai) of this folder; may be given several times.
     #[arg(long = "steps", value_name = "DIR", global = true, env = "BULBFOLD_STEPS", value_delimiter = DELIMITER)]
@@ -99,6 +102,9 @@ struct Cli {
     /// Also read steps beside a formula that belong to another user; they are scripts.
     #[arg(long, global = true)]
     trust: bool,
+    /// Print no progress and no message on success.
+    #[arg(short, long, global = true)]
+    quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -112,6 +118,7 @@ Examples:
   bulbfold render mandelbulb -o bulb.png       a built-in fractal
   bulbfold new flower && bulbfold render flower.ron
 
+Settings for all commands stand in config.ron: docs/settings.md.
 Exit codes: 0 done, 1 the work failed, 2 bad usage or input.";
 
 #[derive(Subcommand, Debug)]
@@ -137,6 +144,8 @@ enum Command {
     /// Draw what every distance estimate costs and how right it is.
     #[cfg(feature = "chart")]
     Chart(chart::Arguments),
+    /// Render a formula whenever its file is saved, in the terminal and on a page of this machine.
+    Watch(Box<watch::Arguments>),
     /// Find a flight through a formula, and write it as a file.
     Fly(Box<fly::Arguments>),
     /// Draw the way of a film's camera, and write it for other programs: glTF, USD, JSON.
@@ -196,6 +205,16 @@ pub enum Failure {
     ClosedPipe,
 }
 
+impl Failure {
+    /// What is told; nothing of a reader that has gone.
+    pub fn text(&self) -> &str {
+        match self {
+            Failure::Usage(text) | Failure::Work(text) => text,
+            Failure::ClosedPipe => "",
+        }
+    }
+}
+
 /// What a command returns.
 pub type Outcome = Result<(), Failure>;
 
@@ -226,7 +245,14 @@ pub fn usage(text: impl AsRef<str>, help: &str) -> Failure {
 /// Runs the program.
 pub fn main() -> ExitCode {
     clap_complete::CompleteEnv::with_factory(Cli::command).var(shell::ASKS).complete();
-    let matches = Cli::command().get_matches();
+    let program = match config::Config::read() {
+        Ok(config) => config.apply(Cli::command()),
+        Err(failure) => {
+            let _ = writeln!(io::stderr(), "{}", failure.text().trim_end());
+            return ExitCode::from(2);
+        }
+    };
+    let matches = program.get_matches();
     let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     if let (Command::Render(arguments), Some((_, given))) = (&mut cli.command, matches.subcommand()) {
         arguments.note_given(given);
@@ -248,10 +274,11 @@ pub fn main() -> ExitCode {
 }
 
 fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
-    let session = || Session::new(&cli.step_folders, cli.trust);
+    let session = || Session::new(&cli.step_folders, cli.trust, cli.quiet);
     match &mut cli.command {
         Command::Render(arguments) => render::run(arguments, &mut session()?, out),
         Command::Animate(arguments) => animate::run(arguments, &mut session()?, out),
+        Command::Watch(arguments) => watch::run(arguments, session()?, out),
         Command::Compile(arguments) => compile::run(arguments, &mut session()?, out),
         Command::Test(arguments) => test::run(arguments, &mut session()?, out),
         Command::Check(arguments) => check::run(arguments, &mut session()?, out),

@@ -1,5 +1,6 @@
 //! Where commands write, looked at before any work is done.
 
+use std::ffi::OsStr;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 
@@ -48,6 +49,13 @@ pub fn check_output(path: &Path, extension: Option<&str>, content: Content) -> R
         usage(format!("cannot write into {}: {error}", folder.display()), "choose another folder with -o")
     })?;
     Ok(target)
+}
+
+/// Shows a picture or a page with the program that this machine has for it.
+///
+/// Errors: the message says that there is none.
+pub fn opened(what: &OsStr) -> Result<(), String> {
+    open::that_detached(what).map_err(|error| format!("cannot open {}: {error}", what.display()))
 }
 
 impl Session {

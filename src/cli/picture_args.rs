@@ -1,6 +1,6 @@
 //! Arguments of pictures, and of films, which are many of them.
 
-use bulbfold::engine::Request;
+use bulbfold::engine::{MOST_EDGE, Request};
 use bulbfold::film::is_picture;
 use bulbfold::graph::Camera;
 use bulbfold::render::{MIRRORS, PathTracing, Sampling};
@@ -11,57 +11,58 @@ use super::arguments::{AutoArgs, BackendArg, FilmArgs, FormulaArgs, PicturePreci
 use super::camera::{CameraArgs, usual_size};
 use super::matter::LookArgs;
 use super::pictures::OutputArgs;
+use super::session::is_stdin;
 use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, usage};
 
 /// A picture, however many of it are wanted.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub struct PictureArgs {
     #[command(flatten)]
     pub formula: FormulaArgs,
     #[command(flatten)]
     pub output: OutputArgs,
-    /// Columns and rows [default: 1280x720]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    /// Columns and rows, or a name such as 4k, square or a4@300dpi [default: 1280x720]
+    #[arg(long, value_name = "WxH", value_parser = parse_size, help_heading = "Picture")]
     pub size: Option<Size>,
+    /// Multiply columns and rows by a number from 0.01 to 100
+    #[arg(long, value_name = "F", value_parser = parse_scale, help_heading = "Picture")]
+    pub scale: Option<f64>,
     /// Samples along each edge of a pixel: 1 is fastest, 2 takes 4 a pixel, 3 takes 9
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16), help_heading = "Picture")]
     samples: u32,
     /// Which pixels get all samples: those that differ from their neighbours, or every pixel
-    #[arg(long, value_enum, default_value_t = SamplingArg::Adaptive)]
+    #[arg(long, value_enum, default_value_t = SamplingArg::Adaptive, help_heading = "Picture")]
     sampling: SamplingArg,
-    #[command(flatten)]
-    path: PathArgs,
-    /// Where to compute
-    #[arg(long, value_enum, default_value_t = BackendArg::Auto)]
-    pub backend: BackendArg,
-    /// Precision; f64 is slower and runs on the CPU
-    #[arg(long, value_enum, default_value_t = PicturePrecision::Auto)]
-    pub precision: PicturePrecision,
-    #[command(flatten)]
-    pub estimate: AutoArgs,
-    #[command(flatten)]
-    pub camera: CameraArgs,
-    #[command(flatten)]
-    pub look: LookArgs,
-    #[command(flatten)]
-    film: FilmArgs,
-    /// March every ray by itself, by steps no longer than an estimate, and every orbit to its end: what the short cuts (beams,
-    /// boxes, longer steps, early ends of orbits) are compared with
-    #[arg(long)]
-    exact_rays: bool,
     /// Print choices and counts to stderr
-    #[arg(long)]
+    #[arg(short = 'v', long, visible_alias = "verbose")]
     pub stats: bool,
     /// Print choices and counts to stdout, as one JSON object
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub camera: CameraArgs,
+    #[command(flatten)]
+    path: PathArgs,
+    #[command(flatten)]
+    pub look: LookArgs,
+    #[command(flatten)]
+    film: FilmArgs,
+    /// Where to compute
+    #[arg(long, value_enum, default_value_t = BackendArg::Auto, help_heading = "Computing")]
+    pub backend: BackendArg,
+    /// Precision; f64 is slower and runs on the CPU
+    #[arg(long, value_enum, default_value_t = PicturePrecision::Auto, help_heading = "Computing")]
+    pub precision: PicturePrecision,
     /// Threads of the CPU back end [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Computing")]
     threads: Option<u32>,
-    /// Print no progress and no message on success
-    #[arg(short, long)]
-    pub quiet: bool,
+    /// March every ray by itself, by steps no longer than an estimate, and every orbit to its end: what the short cuts (beams,
+    /// boxes, longer steps, early ends of orbits) are compared with
+    #[arg(long, help_heading = "Computing")]
+    exact_rays: bool,
+    #[command(flatten)]
+    pub estimate: AutoArgs,
 }
 
 /// [`Sampling`] as a flag's value.
@@ -87,8 +88,23 @@ pub const DEFAULT_SIZE: Size = Size { width: 1280, height: 720 };
 
 impl PictureArgs {
     /// The picture's size: what is given, else one that suits the lens.
-    pub fn size_for(&self, own: Option<Camera>) -> Size {
-        self.size.unwrap_or_else(|| usual_size(&self.camera.change(), own))
+    ///
+    /// Errors: `--scale` makes it too large.
+    pub fn size_for(&self, own: Option<Camera>) -> Result<Size, Failure> {
+        self.scaled(self.size.unwrap_or_else(|| usual_size(&self.camera.change(), own)))
+    }
+
+    /// A size multiplied as is asked for.
+    pub fn scaled(&self, size: Size) -> Result<Size, Failure> {
+        let edge = |edge: u32| (f64::from(edge) * self.scale.unwrap_or(1.0)).round().max(1.0) as u32;
+        let scaled = Size { width: edge(size.width), height: edge(size.height) };
+        match scaled.width.max(scaled.height) <= MOST_EDGE {
+            true => Ok(scaled),
+            false => {
+                let text = format!("a picture of {}x{} is too large", scaled.width, scaled.height);
+                Err(usage(text, &format!("columns and rows go up to {MOST_EDGE}: choose a smaller `--scale`")))
+            }
+        }
     }
 
     /// Takes changes of the formula that are the camera's.
@@ -97,8 +113,14 @@ impl PictureArgs {
         self.formula.take_changes(|path, value| camera.takes(path, value));
     }
 
-    /// Refuses to begin with a picture.
-    pub fn refuse_picture(&self, what: &str) -> Outcome {
+    /// Refuses to begin with a picture, or with what can be read once alone.
+    pub fn want_file(&self, what: &str) -> Outcome {
+        if is_stdin(&self.formula.file) {
+            return Err(usage(
+                format!("{what} reads its formula more than once, and stdin can be read once"),
+                "name a file",
+            ));
+        }
         match is_picture(&self.formula.file) {
             false => Ok(()),
             true => Err(usage(
@@ -142,6 +164,7 @@ impl PictureArgs {
 
 /// How light is followed.
 #[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Light")]
 pub struct PathArgs {
     /// Where light comes from: straight from lights and surroundings (fast, without noise), or along paths from surface to surface
     #[arg(long, value_enum, default_value_t = IntegratorArg::Direct)]
@@ -179,7 +202,8 @@ impl PathArgs {
         self.integrator == IntegratorArg::Path || is_meant
     }
 
-    fn tracing(&self, seed: u64) -> Option<PathTracing> {
+    /// How light is followed along paths; none where it comes straight.
+    pub fn tracing(&self, seed: u64) -> Option<PathTracing> {
         if !self.is_asked() {
             return None;
         }
@@ -192,6 +216,11 @@ impl PathArgs {
             seed: seed as u32,
         })
     }
+}
+
+fn parse_scale(text: &str) -> Result<f64, String> {
+    let scale = super::arguments::parse_number(text)?;
+    if (0.01..=100.0).contains(&scale) { Ok(scale) } else { Err("it must be from 0.01 to 100".into()) }
 }
 
 /// A share as `2%` or `0.02`, above 0 and at most 1.

@@ -8,11 +8,12 @@ use bulbfold::film::{Depth, Develop, Form, Format, Layer, Layers, PictureFile, P
 use bulbfold::graph::{Film, Scene, StereoLayout};
 use clap::Args;
 
-use super::output::{Content, check_output, not_written};
+use super::output::{Content, cannot_write, check_output, not_written};
 use super::{Failure, Outcome, Session, usage};
 
 /// Where a picture goes, and in which form.
 #[derive(Args, Clone, Default, Debug)]
+#[command(next_help_heading = "Picture")]
 pub struct OutputArgs {
     /// The picture to write; its ending names the format: png, exr, tif, jpg, webp or hdr. A folder's name with / at its end
     /// takes NAME.png; - is stdout. May be given several times [default: NAME.png]
@@ -81,6 +82,20 @@ impl OutputArgs {
         }
     }
 
+    /// Refuses files' names where there are several pictures, which need a folder.
+    pub fn want_folder(&self) -> Outcome {
+        match self.output.iter().find(|name| !names_folder(name) && !name.is_dir()) {
+            None => Ok(()),
+            Some(name) => {
+                let text = format!("{} is one file, and there are several pictures", name.display());
+                Err(usage(
+                    text,
+                    &format!("name a folder, with / at its end: -o {}/", name.with_extension("").display()),
+                ))
+            }
+        }
+    }
+
     /// What is said of the files besides their names; nothing of plain ones.
     pub fn forms(&self) -> String {
         let is_plain = self.depth.is_none() && !self.transparent && self.dpi.is_none() && self.layers.is_empty();
@@ -104,11 +119,16 @@ impl OutputArgs {
             name.push(".png");
             folder.join(name)
         };
-        let named = |name: &PathBuf| if names_folder(name) { (own(name), true) } else { (name.clone(), false) };
+        let named = |name: &PathBuf| {
+            if names_folder(name) || name.is_dir() { (own(name), true) } else { (name.clone(), false) }
+        };
         let names = match self.output.is_empty() {
             true => vec![(own(Path::new("")), true)],
             false => self.output.iter().map(named).collect(),
         };
+        for folder in self.output.iter().filter(|name| names_folder(name)) {
+            std::fs::create_dir_all(folder).map_err(|error| cannot_write(folder, &error))?;
+        }
         let mut wanted: Vec<Wanted> = Vec::new();
         for (i, (name, is_own)) in names.iter().enumerate() {
             if names[..i].iter().any(|(other, _)| other == name) {

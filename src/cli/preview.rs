@@ -3,7 +3,7 @@
 use std::io::{self, IsTerminal, Write};
 
 use bulbfold::engine::Sink;
-use bulbfold::film::{Layers, Rows};
+use bulbfold::film::{Image, Layers, Rows};
 use bulbfold::shade::Size;
 use console::Term;
 
@@ -57,6 +57,16 @@ impl<'a> Preview<'a> {
     /// Shows the picture.
     pub fn show(&self) {
         let _ = io::stderr().write_all(&self.shown());
+    }
+}
+
+/// Shows a picture in the terminal in place of what is there; does nothing where stderr is none.
+pub fn show(image: &Image) {
+    let mut nowhere = |_: Rows| Ok(());
+    if let Some(mut preview) = Preview::new(&mut nowhere, image.size) {
+        let _ = preview.push(Rows { srgb: image.rgb.clone(), ..Rows::default() });
+        let _ = io::stderr().write_all(b"\x1b[H\x1b[2J");
+        preview.show();
     }
 }
 

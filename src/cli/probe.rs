@@ -118,7 +118,7 @@ impl Probe<'_> {
 
     fn work<W: Work>(&self, work: &mut W) -> Result<W::Output, Failure> {
         let backends = self.session.engine.backends();
-        let done = backends.run(self.request.backend, self.precision, work, &mut self.session.watch(true));
+        let done = backends.run(self.request.backend, self.precision, work, &mut self.session.hushed());
         done.map(|(_, output)| output).map_err(|error| self.session.failed(error))
     }
 
@@ -126,7 +126,7 @@ impl Probe<'_> {
         let settling = Settling { library: &self.session.library, arena: self.arena, request: self.request };
         let calibration = settling
             .plan(self.graph)
-            .and_then(|plan| settling.estimate(self.graph, plan, self.precision, &mut self.session.watch(true)));
+            .and_then(|plan| settling.estimate(self.graph, plan, self.precision, &mut self.session.hushed()));
         let plan = calibration.map_err(|error| self.session.failed(error))?.plan;
         let plan = plan.in_precision(self.precision);
         let estimator = compose_estimator(&self.composer(), &plan.choices, Purpose::Estimate);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 #[cfg(feature = "chart")]
 use std::time::Instant;
@@ -19,17 +19,17 @@ use clap::{ArgMatches, Args};
 use super::again::{self, Asked};
 use super::camera::flags;
 use super::kept::Kept;
-use super::output::{not_written, refuse_both, spared};
+use super::output::{not_written, opened, refuse_both, spared};
 use super::picture_args::PictureArgs;
 use super::picture_key::job_key;
 use super::pictures::{Wanted, has_layers};
 use super::preview::Preview;
 use super::progress::short;
-use super::session::{refuse_plane, talk};
+use super::session::{asked_files, is_stdin, refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
 #[cfg(feature = "chart")]
 use super::view::{self, ViewArg};
-use super::{Failure, Outcome, Session, stats, usage};
+use super::{Failure, Outcome, Session, message, stats, usage};
 
 /// Arguments of `render`.
 #[derive(Args, Debug)]
@@ -42,7 +42,10 @@ Examples:
   bulbfold render mandelbulb --set power=6 --camera 1.5,-2,1 --fov 30 -o close.png
   bulbfold render mandelbox --zoom 20 --at 0.4,0.6 -o close.png
   bulbfold render menger --lens equirectangular --camera 0.1,0.2,0 --target 1,0,0 -o around.png
-  bulbfold render close.png -o large.png --size 3840x2160
+  bulbfold render close.png -o large.png --size 4k
+  bulbfold render mandelbox menger mandelbulb --scale 0.5 -o pictures/
+  bulbfold vary mandelbox --count 6 && bulbfold render mandelbox_vary -o pictures/
+  cat flower.ron | bulbfold render - -o - > flower.png
   bulbfold render box_bulb --view error --stats -o box_bulb_error.png
   bulbfold render mandelbulb --set 'plane=(center: (0, 0, 0.2), height: 2.6)' -o slice.png
   bulbfold render mandelbulb --sweep power=2..12 --sweep turn=0..90 --frames 48 -o bulb_%04d.png")]
@@ -62,19 +65,28 @@ pub struct Arguments {
     /// Show the picture in the terminal, too
     #[arg(long)]
     preview: bool,
+    /// Open the picture with the system's viewer
+    #[arg(long, conflicts_with = "sweep")]
+    open: bool,
+    /// More formulas, folders of them, or patterns such as 'a*.ron': each has its own picture, and -o is a folder
+    #[arg(value_name = "FILE")]
+    more: Vec<PathBuf>,
     /// Names of the arguments that were given.
     #[arg(skip)]
     given: BTreeSet<String>,
 }
 
 impl Arguments {
-    /// The picture's size: what is given, else one that suits the lens, or the view.
-    fn size_for(&self, own: Option<Camera>) -> Size {
+    /// The picture's size: what is given, else that of the picture that is rendered again, or one that suits the lens, or the view.
+    fn size_for(&self, own: Option<Camera>, recipe: Option<&Recipe>) -> Result<Size, Failure> {
         #[cfg(feature = "chart")]
         if let Some(view) = self.view {
-            return self.picture.size.unwrap_or_else(|| view.default_size());
+            return self.picture.scaled(self.picture.size.unwrap_or_else(|| view.default_size()));
         }
-        self.picture.size_for(own)
+        match recipe.filter(|_| self.picture.size.is_none()) {
+            Some(recipe) => self.picture.scaled(recipe.job.request.size),
+            None => self.picture.size_for(own),
+        }
     }
 
     /// Whether this is a picture of the fractal, and not of what the march did.
@@ -95,7 +107,50 @@ impl Arguments {
 /// Runs the command.
 pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     arguments.picture.take_changes();
-    let arguments = &*arguments;
+    let files = asked_files(&arguments.picture.formula.file, &arguments.more)?;
+    match &files[..] {
+        [file] => {
+            arguments.picture.formula.file.clone_from(file);
+            render(arguments, session, out)
+        }
+        _ => render_all(arguments, &files, session, out),
+    }
+}
+
+/// Renders each formula into a picture of its own. One that fails stops no other.
+fn render_all(arguments: &mut Arguments, files: &[PathBuf], session: &mut Session, out: &mut dyn Write) -> Outcome {
+    if !arguments.sweep.is_empty() {
+        return Err(usage(
+            "a sweep has one formula",
+            "give its name alone; `bulbfold sheet` shows several formulas side by side",
+        ));
+    }
+    arguments.picture.output.want_folder()?;
+    let mut failed: Vec<Failure> = Vec::new();
+    for file in files {
+        arguments.picture.formula.file.clone_from(file);
+        match render(arguments, session, out) {
+            Ok(()) => {}
+            Err(Failure::ClosedPipe) => return Err(Failure::ClosedPipe),
+            Err(failure) => failed.push(failure),
+        }
+    }
+    let is_bad_input = failed.iter().any(|failure| matches!(failure, Failure::Usage(_)));
+    let texts: Vec<String> = failed.into_iter().map(|failure| failure.text().trim_end().to_string()).collect();
+    let text = format!(
+        "{}\n{}",
+        texts.join("\n"),
+        message(&format!("{} of {} pictures failed", texts.len(), files.len()), "")
+    );
+    match (texts.is_empty(), is_bad_input) {
+        (true, _) => Ok(()),
+        (false, true) => Err(Failure::Usage(text)),
+        (false, false) => Err(Failure::Work(text)),
+    }
+}
+
+/// Renders one formula.
+fn render(arguments: &Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     if let Some(frames) = arguments.sweep.frames()? {
         if !arguments.is_plain() {
             return Err(usage("a sweep renders pictures, not views of error", "drop `--view` or `--sweep`"));
@@ -109,6 +164,7 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
     let file = &arguments.picture.formula.file;
     let recipe = if is_picture(file) { Some(again::recipe(session, file)?) } else { None };
     let stem = match &recipe {
+        _ if is_stdin(file) => Some("formula".into()),
         Some(recipe) => Path::new(&recipe.job.formula.bundle().name).file_stem().map(ToOwned::to_owned),
         None => file.file_stem().map(ToOwned::to_owned),
     };
@@ -121,11 +177,9 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
     #[cfg(feature = "chart")]
     if let (Some(ViewArg(view)), Some(Wanted { target, .. })) = (arguments.view, wanted.first()) {
         let start = Instant::now();
-        let image = view::render(session, view, &job, (arguments.picture.quiet, arguments.picture.stats))?;
+        let image = view::render(session, view, &job, arguments.picture.stats)?;
         image.write_png_to(target).map_err(|error| not_written(target, &error))?;
-        if !arguments.picture.quiet {
-            talk(&format!("{} ({})", target.path().display(), short(start.elapsed())));
-        }
+        session.say(&format!("{} ({})", target.path().display(), short(start.elapsed())));
         return Ok(());
     }
     write_picture(arguments, session, &job, &wanted, out)
@@ -142,12 +196,15 @@ fn settled(
     let mut request = arguments.picture.request();
     // Before anything is read: what contradicts itself is told at once.
     request.first_precision().map_err(|error| session.failed(error))?;
+    // A palette that is the user's usual one, and not asked for, is not that of a picture which is rendered again.
+    let keeps_palette = recipe.is_some() && !arguments.given.contains("palette");
     let changes = arguments.picture.changes(session)?;
+    let changes: Vec<_> = changes.into_iter().filter(|(path, _)| !(keeps_palette && path == "look.palette")).collect();
     let formula = match &recipe {
         Some(recipe) => recipe.job.formula.clone(),
         None => session.open(file, &changes)?,
     };
-    request.size = arguments.size_for(formula.graph().scene.camera);
+    request.size = arguments.size_for(formula.graph().scene.camera, recipe.as_ref())?;
     let picture = recipe.as_ref().and_then(|_| FileId::of(file));
     if let Some(path) = recipe.as_ref().and_then(|recipe| recipe.job.request.path)
         && arguments.given.contains("seed")
@@ -170,8 +227,8 @@ fn settled(
     if !arguments.is_plain() {
         refuse_plane(formula.graph(), "`--view`")?;
     }
-    let mut watch = session.watch(arguments.picture.quiet);
-    let is_told = request.camera.is_move() && !arguments.picture.quiet;
+    let mut watch = session.watch();
+    let is_told = request.camera.is_move() && !session.quiet;
     let job = match recipe {
         Some(recipe) => {
             let layers = request.layers;
@@ -225,15 +282,17 @@ fn write_picture(
     if arguments.picture.stats {
         talk(report.table().trim_end());
     }
-    if !arguments.picture.quiet {
-        talk(&format!("{} ({})", names.join(", "), short(done.stats.render)));
+    session.say(&format!("{} ({})", names.join(", "), short(done.stats.render)));
+    if arguments.open {
+        let shown = wanted.iter().zip(&names).find(|(file, _)| !file.target.is_stream());
+        shown.map_or(Ok(()), |(_, name)| opened(name.as_ref())).unwrap_or_else(|error| session.warn(&error));
     }
     Ok(())
 }
 
 /// Renders the rows that are missing into the files, and shows the picture in the terminal where that is asked for.
 fn rendered(arguments: &Arguments, session: &Session, job: &Job, files: &mut Kept) -> Result<Done, Error> {
-    let mut watch = session.watch(arguments.picture.quiet);
+    let mut watch = session.watch();
     let rows = files.first.min(job.size().height)..job.size().height;
     if arguments.preview
         && let Some(mut preview) = Preview::new(files, job.size())

@@ -1,17 +1,20 @@
 //! What most commands share: the library of steps, loading, and talk on stderr.
 
-use std::io::{IsTerminal, Write};
+use std::io::{IsTerminal, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bulbfold::diag::{Diagnostic, Diagnostics, Sources};
 use bulbfold::engine::{Engine, Error, Formula};
+use bulbfold::files::MAX_TEXT;
+use bulbfold::formula::embedded;
 use bulbfold::formula::library::Library;
 use bulbfold::graph::ValidGraph;
-use bulbfold::load::{Loaded, load};
+use bulbfold::load::{Loaded, load, load_text};
 
 use super::backend::try_hardware;
-use super::watch::Watch;
+use super::observer::Watch;
+use super::progress::Progress;
 use super::{Failure, message, usage};
 
 /// A run of the program.
@@ -20,17 +23,52 @@ pub struct Session {
     pub library: Library,
     /// Renders, and does all other work on back ends.
     pub engine: Engine,
+    /// Whether progress, and what was done, is not to be told.
+    pub quiet: bool,
     /// Whether stderr takes colour.
     colour: bool,
+    /// The formula that was written to stdin.
+    stdin: Option<String>,
+}
+
+fn read_stdin() -> Result<String, Failure> {
+    let mut bytes = Vec::new();
+    let read = std::io::stdin().lock().take(MAX_TEXT + 1).read_to_end(&mut bytes);
+    let text = match read {
+        Ok(_) if bytes.len() as u64 > MAX_TEXT => Err(format!("it has more than {MAX_TEXT} bytes")),
+        Ok(_) => String::from_utf8(bytes)
+            .map_err(|error| format!("byte {} is not UTF-8 text", error.utf8_error().valid_up_to())),
+        Err(error) => Err(error.to_string()),
+    };
+    text.map_err(|why| {
+        usage(format!("cannot read stdin: {why}"), "write a formula into it: `cat FILE | bulbfold render -`")
+    })
+}
+
+/// Whether a text is a graph, which begins with a bracket behind comments, and no script.
+fn is_graph(text: &str) -> bool {
+    let mut rest = text.trim_start_matches('\u{feff}').trim_start();
+    loop {
+        rest = match (rest.strip_prefix("//"), rest.strip_prefix("/*")) {
+            (Some(line), _) => line.split_once('\n').map_or("", |(_, rest)| rest).trim_start(),
+            (_, Some(block)) => block.split_once("*/").map_or("", |(_, rest)| rest).trim_start(),
+            _ => return rest.starts_with('('),
+        };
+    }
 }
 
 impl Session {
-    /// The built-in steps and those of `folders`; and whether steps that belong to others are read too.
-    pub fn new(folders: &[PathBuf], trusts_others: bool) -> Result<Session, Failure> {
+    /// The built-in steps and those of `folders`; whether steps that belong to others are read too, and whether only errors and warnings are told.
+    pub fn new(folders: &[PathBuf], trusts_others: bool, quiet: bool) -> Result<Session, Failure> {
         let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
         let colour = std::io::stderr().is_terminal() && !no_colour;
-        let mut session =
-            Session { library: Library::builtin(), engine: Engine::new().trying_hardware(try_hardware), colour };
+        let mut session = Session {
+            library: Library::builtin(),
+            engine: Engine::new().trying_hardware(try_hardware),
+            quiet,
+            colour,
+            stdin: None,
+        };
         session.library.trusts_others = trusts_others;
         let mut d = Diagnostics::default();
         for folder in folders {
@@ -43,9 +81,22 @@ impl Session {
     /// Loads a fractal; its errors are the user's.
     pub fn load(&mut self, what: impl AsRef<Path>, set: &[(String, String)]) -> Result<Loaded, Failure> {
         let mut d = Diagnostics::default();
-        let loaded = load(&mut self.library, &what, set, &mut d);
+        let loaded = self.read(what.as_ref(), set, &mut d)?;
         self.report(d)?;
         loaded.ok_or_else(|| usage(format!("cannot load `{}`", what.as_ref().display()), ""))
+    }
+
+    /// Loads a file, a built-in fractal, or the text that is written to stdin.
+    fn read(&mut self, what: &Path, set: &[(String, String)], d: &mut Diagnostics) -> Result<Option<Loaded>, Failure> {
+        if !is_stdin(what) {
+            return Ok(load(&mut self.library, what, set, d));
+        }
+        let text = match &self.stdin {
+            Some(text) => text.clone(),
+            None => self.stdin.insert(read_stdin()?).clone(),
+        };
+        let name = if is_graph(&text) { "stdin.ron" } else { "stdin.rhai" };
+        Ok(load_text(&mut self.library, name, &text, set, d))
     }
 
     /// Loads a fractal as the engine takes it.
@@ -61,8 +112,25 @@ impl Session {
     }
 
     /// What tells the user of work.
-    pub fn watch(&self, quiet: bool) -> Watch<'_> {
-        Watch::new(self, quiet)
+    pub fn watch(&self) -> Watch<'_> {
+        Watch::new(self, self.quiet)
+    }
+
+    /// What tells the user of warnings alone.
+    pub fn hushed(&self) -> Watch<'_> {
+        Watch::new(self, true)
+    }
+
+    /// The progress of work of many parts.
+    pub fn progress(&self) -> Progress {
+        Progress::new(self.quiet)
+    }
+
+    /// Says what was done on stderr, unless that is not wanted.
+    pub fn say(&self, text: &str) {
+        if !self.quiet {
+            talk(text);
+        }
     }
 
     /// The failure for an error of the engine.
@@ -85,7 +153,7 @@ impl Session {
     /// Loads a fractal that has been loaded with other settings, without repeating warnings.
     pub fn load_again(&mut self, what: &Path, set: &[(String, String)]) -> Result<Loaded, Failure> {
         let mut d = Diagnostics::default();
-        let loaded = load(&mut self.library, what, set, &mut d);
+        let loaded = self.read(what, set, &mut d)?;
         match loaded {
             Some(loaded) => Ok(loaded),
             None => self.report(d).and(Err(usage(format!("cannot load `{}`", what.display()), ""))),
@@ -143,18 +211,54 @@ pub fn refuse_plane(graph: &ValidGraph, what: &str) -> Result<(), Failure> {
     }
 }
 
-/// Formula files among `paths`: those of folders (`*.ron`, in order, inner folders included), and all else as it stands.
+/// Whether a name means the formula that is written to stdin.
+pub fn is_stdin(file: &Path) -> bool {
+    file.as_os_str() == "-"
+}
+
+/// The formulas that `render` was asked for: one as it stands, or several of files, folders and patterns.
+pub fn asked_files(first: &Path, more: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let is_known = [embedded::FRACTALS, embedded::SCENES].concat().iter().any(|(name, _)| first.as_os_str() == *name);
+    if more.is_empty() && (is_known || !first.is_dir() && !is_pattern(first)) {
+        return Ok(vec![first.to_path_buf()]);
+    }
+    formula_files(&[&[first.to_path_buf()], more].concat())
+}
+
+/// Formula files among `paths`: those of folders (`*.ron`, in order, inner folders included), those that match a pattern, and all else as it
+/// stands.
 pub fn formula_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     for path in paths {
         let before = files.len();
-        collect(path, &mut files);
+        match is_pattern(path) {
+            true => matching(path)?.iter().for_each(|path| collect(path, &mut files)),
+            false => collect(path, &mut files),
+        }
         if files.len() == before {
-            return Err(usage(format!("the folder {} holds no formula file (*.ron)", path.display()), ""));
+            let what = if is_pattern(path) { "no file matches" } else { "there is no formula file (*.ron) in" };
+            return Err(usage(format!("{what} {}", path.display()), ""));
         }
     }
     Ok(files)
 }
+
+/// Whether a name is a pattern that no shell has expanded.
+fn is_pattern(path: &Path) -> bool {
+    path.as_os_str().as_encoded_bytes().iter().any(|byte| b"*?[".contains(byte)) && !path.exists()
+}
+
+/// The files that match a pattern, in order.
+fn matching(pattern: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let text = pattern.to_string_lossy();
+    let found = glob::glob(&text);
+    let found =
+        found.map_err(|error| usage(format!("the pattern {text} is broken: {}", error.msg), "use * ? and [abc]"))?;
+    Ok(found.flatten().take(MOST_FILES).collect())
+}
+
+/// Most files that a pattern stands for.
+const MOST_FILES: usize = 10_000;
 
 fn collect(path: &Path, files: &mut Vec<PathBuf>) {
     if !path.is_dir() {

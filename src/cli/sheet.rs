@@ -13,9 +13,8 @@ use clap::Args;
 use super::arguments::{AutoArgs, BackendArg, ChangeArgs};
 use super::contact::{self, Cell, columns_of};
 use super::output::{Content, check_output};
-use super::progress::Progress;
 use super::range::Range;
-use super::session::{formula_files, talk};
+use super::session::formula_files;
 use super::sizes::parse_size;
 use super::vary::{picture, stem_of};
 use super::{Failure, Outcome, Session, usage};
@@ -62,9 +61,6 @@ pub struct Arguments {
     backend: BackendArg,
     #[command(flatten)]
     estimate: AutoArgs,
-    /// Print no progress
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// Samples along each edge of a pixel.
@@ -101,10 +97,10 @@ pub fn run(arguments: &Arguments, session: &mut Session, _: &mut dyn Write) -> O
     session.keeping_kernels();
     let request =
         Request { samples: SAMPLES, backend: arguments.backend.choice(), ..arguments.estimate.request(arguments.size) };
-    let mut progress = Progress::new(arguments.quiet);
+    let mut progress = session.progress();
     let (count, mut cells) = (shown.len(), Vec::new());
     for Shown { formula, caption, notes } in shown {
-        let job = session.engine.settle(&formula, &request, &mut session.watch(true));
+        let job = session.engine.settle(&formula, &request, &mut session.hushed());
         let job = job.map_err(|error| session.failed(error))?;
         cells.push(Cell { picture: Some(picture(session, &job)?), caption, notes, ..Cell::default() });
         progress.update(cells.len() as f64 / count as f64);
@@ -112,9 +108,7 @@ pub fn run(arguments: &Arguments, session: &mut Session, _: &mut dyn Write) -> O
     progress.finish();
     let columns = grid.columns().unwrap_or_else(|| columns_of(cells.len()));
     contact::write(&target, cells, arguments.size, columns, "Formulas")?;
-    if !arguments.quiet {
-        talk(&target.path().display().to_string());
-    }
+    session.say(&target.path().display().to_string());
     Ok(())
 }
 

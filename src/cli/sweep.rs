@@ -4,13 +4,14 @@ use std::io::Write;
 use std::sync::OnceLock;
 use std::time::Instant;
 
+use bulbfold::engine::Request;
 use bulbfold::graph::motion::Rate;
 use clap::Args;
 
 use super::film::{self, Film};
 use super::frames::{Names, refuse_json};
 use super::moments::{Clock, FilmMoments, Loader, Way};
-use super::picture_args::PictureArgs;
+use super::picture_args::{DEFAULT_SIZE, PictureArgs};
 use super::progress::short;
 use super::range::Range;
 use super::session::talk;
@@ -55,6 +56,11 @@ impl RangeArgs {
 }
 
 impl SweepArgs {
+    /// Whether a single picture is asked for.
+    pub fn is_empty(&self) -> bool {
+        self.ranges.ranges.is_empty()
+    }
+
     /// How many frames there are; none if a single picture is asked for.
     pub fn frames(&self) -> Result<Option<u32>, Failure> {
         let Some(first) = self.ranges.ranges.first() else { return Ok(None) };
@@ -76,7 +82,7 @@ pub fn run(
     session: &mut Session,
     out: &mut dyn Write,
 ) -> Outcome {
-    arguments.refuse_picture("a sweep")?;
+    arguments.want_file("a sweep")?;
     let names = Names::new(arguments, "a sweep")?;
     if arguments.json {
         refuse_json(&names)?;
@@ -85,7 +91,8 @@ pub fn run(
         names.refuse_stream()?;
     }
     arguments.prepare();
-    let request = arguments.request();
+    let size = arguments.scaled(arguments.size.unwrap_or(DEFAULT_SIZE))?;
+    let request = Request { size, ..arguments.request() };
     request.first_precision().map_err(|error| session.failed(error))?;
     let start = Instant::now();
     let changes = arguments.changes(session)?;
@@ -119,8 +126,6 @@ pub fn run(
     if arguments.stats {
         talk(report.table().trim_end());
     }
-    if !arguments.quiet {
-        talk(&format!("{} ({})", names.shown(frames), short(start.elapsed())));
-    }
+    session.say(&format!("{} ({})", names.shown(frames), short(start.elapsed())));
     Ok(())
 }

@@ -126,7 +126,7 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
     let settling = Settling { library: &session.library, arena: &arena, request: &request };
     let settled = settling.seen(graph).and_then(|graph| {
         let plan = settling.plan(&graph)?;
-        let plan = settling.estimate(&graph, plan, precision, &mut session.watch(false))?.plan;
+        let plan = settling.estimate(&graph, plan, precision, &mut session.watch())?.plan;
         Ok((graph, plan))
     });
     let (graph, plan) = settled.map_err(|error| session.failed(error))?;
@@ -152,7 +152,7 @@ pub(super) fn measure(arguments: &Arguments, session: &mut Session, file: &Path)
     let march = candidate(&composer, &plan.choices, &settings).map_err(|error| session.failure(error))?;
     let mut job = MarchJob { arena: &arena, march: &march, rays: &truths.rays, radius: scale.bounding_radius };
     let backends = session.engine.backends();
-    let done = backends.run(request.backend, precision, &mut job, &mut session.watch(false));
+    let done = backends.run(request.backend, precision, &mut job, &mut session.watch());
     let (backend, ends) = done.map_err(|error| session.failed(error))?;
     let is_view = arguments.rays_file.is_none();
     Ok(Measured { graph, plan, truths, ends, backend, time, is_view })

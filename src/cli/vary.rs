@@ -14,8 +14,7 @@ use clap::Args;
 use super::arguments::{AutoArgs, BackendArg, FormulaArgs};
 use super::contact::{self, Cell, columns_of};
 use super::output::{Content, check_output, refuse_both};
-use super::progress::Progress;
-use super::session::{refuse_plane, talk};
+use super::session::refuse_plane;
 use super::sizes::parse_size;
 use super::{Failure, Outcome, Session, message, usage};
 
@@ -67,9 +66,6 @@ pub struct BroodArgs {
     backend: BackendArg,
     #[command(flatten)]
     estimate: AutoArgs,
-    /// Print no progress
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// Samples along each edge of a pixel.
@@ -152,7 +148,7 @@ pub(super) fn raise(
     session.keeping_kernels();
     let request = Request { samples: SAMPLES, backend: brood.backend.choice(), ..brood.estimate.request(brood.size) };
     let judge = Judge::of(&session.engine, formulas, &request).map_err(|error| session.failed(error))?;
-    let mut progress = Progress::new(brood.quiet);
+    let mut progress = session.progress();
     let count = brood.count as usize;
     let mut tell = |done: usize| progress.update(0.8 * done as f64 / count as f64);
     let found = search(&session.engine, (&judge, parents[0]), count, draw, &mut tell);
@@ -168,7 +164,8 @@ pub(super) fn raise(
     for (i, survivor) in found.survivors.iter().enumerate() {
         let file = format!("{name}_{:0digits$}", i + 1);
         let path = places.folder.join(format!("{file}.ron"));
-        session.write(&path, survivor.draft.text().as_bytes())?;
+        let text = survivor.text().map_err(|error| session.failed(error))?;
+        session.write(&path, text.as_bytes())?;
         let changes = &survivor.draft.changes;
         writeln!(out, "{}  hits {:.0} %  {}", path.display(), 100.0 * survivor.accepted.hits, changes.join("; "))?;
         let picture = Some(picture(session, &survivor.accepted.job)?);
@@ -180,9 +177,7 @@ pub(super) fn raise(
     let columns = columns_of(cells.len());
     contact::write(&places.sheet, cells, brood.size, columns, &format!("Formulas of {name}"))?;
     writeln!(out, "{} of {count} found, {}", found.survivors.len(), found.rejections())?;
-    if !brood.quiet {
-        talk(&places.sheet.path().display().to_string());
-    }
+    session.say(&places.sheet.path().display().to_string());
     Ok(())
 }
 

@@ -13,9 +13,9 @@ use bulbfold::view::{PixelMarches, Shown, View, ViewKernels, find_truths, show};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 
+use super::observer::Watch;
 use super::session::talk;
 use super::stats::estimate_rows;
-use super::watch::Watch;
 use super::{Failure, Session};
 
 /// A view as a flag's value.
@@ -52,12 +52,12 @@ impl ViewArg {
 }
 
 /// Renders a view of a picture, with its legend.
-pub fn render(session: &Session, view: View, job: &Job, (quiet, stats): (bool, bool)) -> Result<Image, Failure> {
+pub fn render(session: &Session, view: View, job: &Job, stats: bool) -> Result<Image, Failure> {
     let failed = |error| session.failed(error);
     let Composed { arena, graph, pipeline, .. } = &**job.composed().map_err(failed)?;
     let composer = Composer { arena, library: job.formula.library(), graph };
     let kernels = ViewKernels::new(&composer, pipeline, view).map_err(|error| session.failure(error))?;
-    let mut watch = session.watch(quiet);
+    let mut watch = session.watch();
     let truths = match view {
         View::Error => Some(walk(session, &composer, (pipeline, job.size()), &mut watch)?),
         _ => None,

@@ -98,6 +98,11 @@ impl Sources {
         self.get(id).map_or("", |source| &source.name)
     }
 
+    /// The names of all texts.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.list.iter().map(|source| &source.name[..])
+    }
+
     /// The text itself; empty for an id of another `Sources`.
     pub fn text(&self, id: SourceId) -> &str {
         self.get(id).map_or("", |source| &source.text)

@@ -67,6 +67,23 @@ impl Zoom {
 }
 
 impl CameraChange {
+    /// The change that gives whatever camera the view of this one; clipping and openings of lenses stay, where this one has none.
+    pub fn to(camera: Camera) -> CameraChange {
+        let has_angle = !matches!(camera.lens, Lens::Orthographic { .. } | Lens::CubeMap(_));
+        CameraChange {
+            position: Some(camera.position),
+            target: Some(camera.target),
+            up: Some(camera.up),
+            lens: Some(camera.lens),
+            fov: has_angle.then_some(camera.fov),
+            stereo: camera.stereo.map(|stereo| stereo.layout),
+            eyes: camera.stereo.map(|stereo| stereo.eyes),
+            near: (camera.near > 0.0).then_some(camera.near),
+            far: camera.far,
+            ..CameraChange::default()
+        }
+    }
+
     /// True where nothing changes.
     pub fn is_empty(&self) -> bool {
         *self == CameraChange::default()

@@ -235,7 +235,13 @@ impl<'a> Settling<'a> {
             return Ok(Calibration::by_rule(&subject));
         }
         let options = self.options(&subject, precision);
-        let calibration = calibrate(&subject, &options, &mut |share| observer.progress(Stage::Calibrating, share));
+        let calibration = calibrate(&subject, &options, &mut |share| {
+            observer.progress(Stage::Calibrating, share);
+            !observer.is_cancelled()
+        });
+        if observer.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
         let calibration = calibration.map_err(|message| self.failed(message))?;
         observer.progress(Stage::Calibrating, 1.0);
         if calibration.wants_double && may_double {

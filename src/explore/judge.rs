@@ -3,12 +3,15 @@
 use std::sync::Arc;
 
 use super::{Parent, Survivor};
-use crate::check::truth::{End, Scale, candidate, march_rays};
+use crate::calibrate::written::with_outcome;
+use crate::calibrate::{Options, calibrate};
+use crate::check::Subject;
+use crate::check::truth::{Budget, End, Scale, candidate, march_rays};
 use crate::compose::{Composer, Plan};
 use crate::diag::Diagnostic;
-use crate::engine::{Engine, Error, Formula, Job, Request, Settling};
+use crate::engine::{Engine, Error, Formula, Job, MOST_EDGE, Request, Settling};
 use crate::expr::Arena;
-use crate::graph::ValidGraph;
+use crate::graph::{CALIBRATED_ROWS, ValidGraph};
 use crate::kernel::Status;
 use crate::kernel::cpu::Cpu;
 use crate::march::MarchSettings;
@@ -189,6 +192,39 @@ impl Judge {
             _ => Ok(()),
         }
     }
+}
+
+/// Shares of the error budget that an estimate is written for: one that keeps all of it on some rays may break it on others.
+const STRICTER: [f64; 2] = [0.25, 0.5];
+
+/// The text of a draft that was accepted, with an estimate measured for pictures of the size for which files are calibrated, so that it renders alone as it was
+/// judged. Where none keeps a share of the budget, the text leaves the choice to whoever renders it.
+///
+/// Errors: [`Error::Formula`].
+pub(super) fn with_estimate(formula: &Formula, text: &str, request: &Request) -> Result<String, Error> {
+    let arena = Arc::new(Arena::default());
+    let height = CALIBRATED_ROWS;
+    let wide = u64::from(request.size.width) * u64::from(height) / u64::from(request.size.height.max(1));
+    let size = Size { width: u32::try_from(wide).unwrap_or(height).clamp(1, MOST_EDGE), height };
+    let request = Request { size, ..request.clone() };
+    let settling = Settling { library: formula.library(), arena: &arena, request: &request };
+    let graph = settling.framed(formula.graph().clone())?.graph;
+    let plan = settling.plan(&graph)?;
+    let subject = Subject { library: formula.library(), graph: &graph, arena: &arena, plan };
+    for share in STRICTER {
+        let budget =
+            Budget { missed: request.budget.missed * share, early: request.budget.early * share, ..request.budget };
+        let options = Options { budget, cache: None, ..settling.options(&subject, Precision::F32) };
+        let calibration = calibrate(&subject, &options, &mut |_| true);
+        let calibration = calibration.map_err(|message| Error::of_formula(message, &formula.library().sources))?;
+        if calibration.is_within
+            && !calibration.wants_double
+            && let Some(text) = with_outcome(&subject, formula.text(), &calibration)
+        {
+            return Ok(text);
+        }
+    }
+    Ok(text.to_string())
 }
 
 /// What is seen of a job.

@@ -16,6 +16,7 @@ use std::sync::Arc;
 
 pub use breed::breed;
 pub use judge::{Accepted, Judge, Reason, Verdict};
+pub use numbers::{Number, numbers};
 
 use crate::diag::Diagnostics;
 use crate::engine::{Engine, Error, Formula, FormulaMessages};
@@ -159,6 +160,16 @@ pub struct Survivor {
     pub draft: Draft,
     /// What the judge saw.
     pub accepted: Accepted,
+}
+
+impl Survivor {
+    /// The text of its file, with an estimate that was measured.
+    ///
+    /// Errors: [`Error::Formula`].
+    pub fn text(&self) -> Result<String, Error> {
+        let job = &self.accepted.job;
+        judge::with_estimate(&job.formula, &self.draft.text(), &job.request)
+    }
 }
 
 /// What a search found.

@@ -1,10 +1,12 @@
 //! The numbers of a formula, where they may lie, and moving some of them.
 
-use super::tree::{self, Keeps, entries_mut, field, field_mut, number, number_of};
-use crate::diag::Span;
+use super::tree::{self, Keeps, entries_mut, field, field_mut, number, number_of, string_of};
+use crate::diag::{Diagnostics, Span};
+use crate::engine::Formula;
 use crate::formula::library::Library;
 use crate::formula::step::{ParamKind, ParamValue, Step};
 use crate::formula::value::{Name, Value, ValueKind};
+use crate::load::tree as load_tree;
 use crate::math::random::Random;
 
 /// Most numbers that a draft moves.
@@ -15,10 +17,41 @@ const NEAR_ZERO_ANGLE: f64 = 45.0;
 /// Farthest from 0 that a Julia constant goes.
 const CONSTANT: f64 = 2.0;
 
+/// A number of a formula that may be moved.
+#[derive(Clone, PartialEq, Debug)]
+pub struct Number {
+    /// Where it stands, as `--set` names it.
+    pub path: String,
+    /// What it does, with its unit; empty where nothing is said.
+    pub help: String,
+    /// Least and greatest value.
+    pub range: [f64; 2],
+    /// Its value.
+    pub value: f64,
+    /// Whether it is whole.
+    pub is_whole: bool,
+}
+
+/// The numbers of a formula that may be moved, those of steps that leave them out included: parameters, those of nodes, the Julia constant.
+pub fn numbers(formula: &Formula) -> Vec<Number> {
+    let (mut library, mut d, mut numbers) = (formula.library().clone(), Diagnostics::default(), Vec::new());
+    let Some(mut tree) = load_tree(&mut library, &formula.bundle(), &mut d) else { return numbers };
+    complete(&mut tree, &library);
+    visit(&mut tree, &library, &mut |site| {
+        let Site { path, help, range, value, is_whole, .. } = site;
+        numbers.push(Number { path, help, range, value: *value, is_whole });
+    });
+    numbers
+}
+
 /// A number of a formula.
 pub(super) struct Site<'v> {
     /// What it is called.
     pub label: String,
+    /// Where it stands, as `--set` names it.
+    pub path: String,
+    /// What it does, with its unit; empty where nothing is said.
+    pub help: String,
     /// Least and greatest value.
     pub range: [f64; 2],
     /// Whether it is whole.
@@ -39,35 +72,78 @@ pub(super) struct Moved {
     pub keeps: Keeps,
 }
 
+/// Where a part of a formula stands, for people and for `--set`.
+#[derive(Clone)]
+struct Place {
+    label: String,
+    path: String,
+    help: String,
+}
+
+impl Place {
+    fn new(name: &str) -> Place {
+        Place { label: name.to_string(), path: name.to_string(), help: String::new() }
+    }
+
+    /// A part of it.
+    fn part(&self, name: &str) -> Place {
+        Place {
+            label: format!("{}.{name}", self.label),
+            path: format!("{}.{name}", self.path),
+            help: self.help.clone(),
+        }
+    }
+
+    /// A part that stands in another one, which people don't name.
+    fn inner(&self, name: &str) -> Place {
+        Place { path: format!("{}.{name}", self.path), ..self.clone() }
+    }
+
+    fn saying(self, help: &str, unit: &str) -> Place {
+        let help = if unit.is_empty() { help.to_string() } else { format!("{help}, in {unit}") };
+        Place { help, ..self }
+    }
+
+    /// A number here, of a node.
+    fn site(self, range: [f64; 2], value: &mut f64) -> Site<'_> {
+        let Place { label, path, help } = self;
+        Site { label, path, help, range, is_whole: false, near_zero: NEAR_ZERO, is_parameter: false, value }
+    }
+}
+
 /// Visits the numbers that may be varied: parameters, those of nodes, the Julia constant.
 pub(super) fn visit(tree: &mut Value, library: &Library, visit: &mut dyn FnMut(Site)) {
     for (name, param) in field_mut(tree, "params").map(entries_mut).unwrap_or_default() {
         let end = |name: &str, default: f64| field(param, name).and_then(number_of).unwrap_or(default);
         let range = [end("min", -1e6), end("max", 1e6)];
+        let said = |name: &str| field(param, name).and_then(string_of).unwrap_or_default();
+        let place = Place::new(&name).saying(&said("help"), &said("unit"));
         if let Some(Value { kind: ValueKind::Number(value), .. }) = field_mut(param, "default") {
-            visit(Site { label: name, range, is_whole: false, near_zero: NEAR_ZERO, is_parameter: true, value });
+            visit(Site { is_parameter: true, ..place.site(range, value) });
         }
     }
     for (name, node) in field_mut(tree, "nodes").map(entries_mut).unwrap_or_default() {
-        of_node(&name, node, library, visit);
+        of_node(&Place::new(&name), node, library, visit);
     }
     if let Some(constant) = field_mut(tree, "constant") {
-        of_constant("constant", constant, visit);
+        of_constant(&Place::new("constant"), constant, visit);
     }
 }
 
 /// A point such as that of `Julia((x, y, z))` or `Mix(julia: (x, y, z), amount: 0.5)`.
-fn of_constant(label: &str, constant: &mut Value, visit: &mut dyn FnMut(Site)) {
-    let mut point = |items: &mut [Value]| plain(label, items, [-CONSTANT, CONSTANT], NEAR_ZERO, visit);
+fn of_constant(place: &Place, constant: &mut Value, visit: &mut dyn FnMut(Site)) {
+    let mut point = |place: &Place, items: &mut [Value]| plain(place, items, ([-CONSTANT, CONSTANT], NEAR_ZERO), visit);
     match &mut constant.kind {
         ValueKind::Tuple { name: Some(_), items } => match items.as_mut_slice() {
-            [Value { kind: ValueKind::Tuple { items, .. } | ValueKind::List(items), .. }] => point(items),
-            items => point(items),
+            [Value { kind: ValueKind::Tuple { items, .. } | ValueKind::List(items), .. }] => {
+                point(&place.inner("0"), items);
+            }
+            items => point(place, items),
         },
         ValueKind::Struct { .. } => {
             let julia = field_mut(constant, "julia").map(|julia| &mut julia.kind);
             if let Some(ValueKind::Tuple { items, .. } | ValueKind::List(items)) = julia {
-                point(items);
+                point(&place.inner("julia"), items);
             }
         }
         _ => {}
@@ -75,49 +151,52 @@ fn of_constant(label: &str, constant: &mut Value, visit: &mut dyn FnMut(Site)) {
 }
 
 /// The numbers among components.
-fn plain(label: &str, items: &mut [Value], range: [f64; 2], near_zero: f64, visit: &mut dyn FnMut(Site)) {
+fn plain(place: &Place, items: &mut [Value], (range, near_zero): ([f64; 2], f64), visit: &mut dyn FnMut(Site)) {
     for (item, axis) in items.iter_mut().zip(["x", "y", "z", "w"]) {
         if let ValueKind::Number(value) = &mut item.kind {
-            let label = format!("{label}.{axis}");
-            visit(Site { label, range, is_whole: false, near_zero, is_parameter: false, value });
+            visit(Site { near_zero, ..place.part(axis).site(range, value) });
         }
     }
 }
 
-fn of_node(label: &str, node: &mut Value, library: &Library, visit: &mut dyn FnMut(Site)) {
+fn of_node(place: &Place, node: &mut Value, library: &Library, visit: &mut dyn FnMut(Site)) {
     let name = node.name().map(|name| name.text.clone()).unwrap_or_default();
     let step = library.step(&name).cloned();
     match &mut node.kind {
         ValueKind::Struct { fields, .. } => {
             for (field, value) in fields {
-                let label = format!("{label}.{}", field.text);
+                let place = place.part(&field.text);
                 match &step {
-                    Some(step) => of_param(&label, step, &field.text, value, visit),
-                    None => of_field(&label, (&name, &field.text), value, library, visit),
+                    Some(step) => of_param(place, step, &field.text, value, visit),
+                    None => of_field(place, (&name, &field.text), value, library, visit),
                 }
             }
         }
         ValueKind::Tuple { items, .. } | ValueKind::List(items) => {
             for (i, item) in items.iter_mut().enumerate() {
-                let label = if name.is_empty() { format!("{label}.{}", i + 1) } else { label.to_string() };
-                of_node(&label, item, library, visit);
+                let mut place = place.inner(&i.to_string());
+                if name.is_empty() {
+                    place.label = format!("{}.{}", place.label, i + 1);
+                }
+                of_node(&place, item, library, visit);
             }
         }
         _ => {}
     }
 }
 
-fn of_param(label: &str, step: &Step, name: &str, value: &mut Value, visit: &mut dyn FnMut(Site)) {
+fn of_param(place: Place, step: &Step, name: &str, value: &mut Value, visit: &mut dyn FnMut(Site)) {
     let Some(param) = step.param(name) else { return };
     let range = [param.min, param.max];
+    let place = place.saying(&param.help, &param.unit);
     let near_zero = if param.kind == ParamKind::Angle { NEAR_ZERO_ANGLE } else { NEAR_ZERO };
     let is_whole = param.kind == ParamKind::Int;
     match (&mut value.kind, &param.kind) {
         (ValueKind::Number(value), ParamKind::Float | ParamKind::Angle | ParamKind::Int) => {
-            visit(Site { label: label.to_string(), range, is_whole, near_zero, is_parameter: false, value });
+            visit(Site { is_whole, near_zero, ..place.site(range, value) });
         }
         (ValueKind::List(items) | ValueKind::Tuple { name: None, items }, ParamKind::Vec3 | ParamKind::Point) => {
-            plain(label, items, range, near_zero, visit);
+            plain(&place, items, (range, near_zero), visit);
         }
         _ => {}
     }
@@ -125,38 +204,25 @@ fn of_param(label: &str, step: &Step, name: &str, value: &mut Value, visit: &mut
 
 /// Fields of other nodes that may move, with their ranges where these are not around the number itself.
 fn of_field(
-    label: &str,
+    place: Place,
     (node, field): (&str, &str),
     value: &mut Value,
     library: &Library,
     visit: &mut dyn FnMut(Site),
 ) {
-    let around = |x: f64| [x * 0.2, x * 5.0];
     match (&mut value.kind, field) {
-        (ValueKind::Number(x), "weight") => {
-            let label = label.to_string();
-            visit(Site {
-                label,
-                range: [0.0, 1.0],
-                is_whole: false,
-                near_zero: NEAR_ZERO,
-                is_parameter: false,
-                value: x,
-            });
-        }
+        (ValueKind::Number(x), "weight") => visit(place.site([0.0, 1.0], x)),
         (ValueKind::Number(x), "radius" | "major" | "minor" | "half_height" | "scale") if *x > 0.0 => {
-            let (label, range) = (label.to_string(), around(*x));
-            visit(Site { label, range, is_whole: false, near_zero: NEAR_ZERO, is_parameter: false, value: x });
+            visit(place.site([*x * 0.2, *x * 5.0], x));
         }
         (ValueKind::Number(x), "angle") => {
-            let (label, range) = (label.to_string(), [-360.0, 360.0]);
-            visit(Site { label, range, is_whole: false, near_zero: NEAR_ZERO_ANGLE, is_parameter: false, value: x });
+            visit(Site { near_zero: NEAR_ZERO_ANGLE, ..place.site([-360.0, 360.0], x) });
         }
         (ValueKind::Tuple { name: None, items } | ValueKind::List(items), "translate") => {
-            plain(label, items, [-10.0, 10.0], NEAR_ZERO, visit);
+            plain(&place, items, ([-10.0, 10.0], NEAR_ZERO), visit);
         }
-        (_, "constant") if node == "Orbit" || node == "Item" => of_constant(label, value, visit),
-        (_, "of" | "a" | "b" | "by" | "then" | "otherwise" | "shape") => of_node(label, value, library, visit),
+        (_, "constant") if node == "Orbit" || node == "Item" => of_constant(&place, value, visit),
+        (_, "of" | "a" | "b" | "by" | "then" | "otherwise" | "shape") => of_node(&place, value, library, visit),
         _ => {}
     }
 }

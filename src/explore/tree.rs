@@ -1,6 +1,7 @@
 //! Reading and changing value trees.
 
 use crate::diag::Span;
+pub(super) use crate::formula::edit::field;
 use crate::formula::value::{Name, Value, ValueKind};
 
 /// What stays true of a formula whose numbers have moved.
@@ -39,15 +40,6 @@ pub(super) fn tuple(name: &str, items: Vec<Value>) -> Value {
 pub(super) fn fields_of(name: &str, fields: Vec<(&str, Value)>) -> Value {
     let fields = fields.into_iter().map(|(field, value)| (Name::new(Span::NONE, field), value)).collect();
     value(ValueKind::Struct { name: Some(Name::new(Span::NONE, name)), fields })
-}
-
-/// The field of a struct, or the entry of a map.
-pub(super) fn field<'v>(of: &'v Value, name: &str) -> Option<&'v Value> {
-    match &of.kind {
-        ValueKind::Struct { fields, .. } => fields.iter().find(|(n, _)| n.text == name).map(|(_, value)| value),
-        ValueKind::Map(items) => items.iter().find(|(key, _)| is_key(key, name)).map(|(_, value)| value),
-        _ => None,
-    }
 }
 
 pub(super) fn field_mut<'v>(of: &'v mut Value, name: &str) -> Option<&'v mut Value> {

@@ -66,6 +66,73 @@ impl Edits {
         }
     }
 
+    /// Sets the part of a value that names and numbers lead to, as `--set` reaches it; a field that a struct or a bare name lacks is
+    /// added. Returns whether there is such a place.
+    pub fn set_part(&mut self, text: &str, value: &Value, path: &[&str], new: &str) -> bool {
+        let range = value.span.range();
+        let Some((first, rest)) = path.split_first() else {
+            self.push(range, new);
+            return true;
+        };
+        let added = format!("{first}: {new}");
+        match &value.kind {
+            ValueKind::Struct { fields, .. } => {
+                match (fields.iter().find(|(name, _)| name.text == *first), fields.last()) {
+                    (Some((_, inner)), _) => return self.set_part(text, inner, rest, new),
+                    (None, Some((field, last))) if rest.is_empty() => {
+                        self.add_after(text, field.span.range().start, last.span.range().end, &added);
+                    }
+                    _ => return false,
+                }
+            }
+            ValueKind::Variant(name) if rest.is_empty() => self.push(range, format!("{}({added})", name.text)),
+            ValueKind::Tuple { name: Some(name), items } if items.is_empty() && rest.is_empty() => {
+                self.push(range, format!("{}({added})", name.text));
+            }
+            ValueKind::Unit if rest.is_empty() => self.push(range, format!("({added})")),
+            ValueKind::List(items) | ValueKind::Tuple { items, .. } => {
+                let letter = ["x", "y", "z", "w"].iter().position(|letter| letter == first);
+                let item = letter.or_else(|| first.parse().ok()).and_then(|i| items.get(i));
+                return item.is_some_and(|item| self.set_part(text, item, rest, new));
+            }
+            _ => return field(value, first).is_some_and(|inner| self.set_part(text, inner, rest, new)),
+        }
+        true
+    }
+
+    /// Sets an entry of the table `name: { "key": value }` among the fields of `host`. Where there is no such table, it is added with the entry on a line of
+    /// its own: behind the first field of `after` that there is, else at the end. Returns whether `host` has a place for it.
+    pub fn set_entry(
+        &mut self,
+        text: &str,
+        host: &Value,
+        (name, after): (&str, &[&str]),
+        (key, new): (&str, &str),
+    ) -> bool {
+        let ValueKind::Struct { fields, .. } = &host.kind else { return false };
+        match fields.iter().find(|(field, _)| field.text == name).map(|(_, table)| table) {
+            Some(table) if field(table, key).is_some() => return self.set_part(text, table, &[key], new),
+            Some(Value { kind: ValueKind::Map(items), span }) => match items.last() {
+                Some((last, value)) => {
+                    let added = format!("{key:?}: {new}");
+                    self.add_after(text, last.span.range().start, value.span.range().end, &added);
+                }
+                None => self.push(span.range(), format!("{{ {key:?}: {new} }}")),
+            },
+            Some(_) => return false,
+            None => {
+                let anchor = after.iter().find_map(|name| fields.iter().find(|(field, _)| field.text == *name));
+                let Some((field, value)) = anchor.or(fields.last()) else { return false };
+                let start = field.span.range().start;
+                let line = text[..start].rfind('\n').map_or(0, |at| at + 1);
+                let indent = if text[line..start].trim().is_empty() { &text[line..start] } else { "" };
+                let added = format!("{name}: {{\n{indent}    {key:?}: {new},\n{indent}}}");
+                self.add_after(text, start, value.span.range().end, &added);
+            }
+        }
+        true
+    }
+
     /// Changes the fields of a struct that is there.
     fn change(&mut self, text: &str, value: &Value, entries: Entries, dropped: &[&str]) {
         let range = value.span.range();
@@ -120,6 +187,16 @@ fn after_comma(text: &str, end: usize) -> usize {
 
 fn joined(entries: Entries) -> String {
     entries.iter().map(|(name, value)| format!("{name}: {value}")).collect::<Vec<_>>().join(", ")
+}
+
+/// The field of a struct, or the entry of a map.
+pub fn field<'v>(of: &'v Value, name: &str) -> Option<&'v Value> {
+    let is_key = |key: &Value| matches!(&key.kind, ValueKind::Str(text) if text == name);
+    match &of.kind {
+        ValueKind::Struct { fields, .. } => fields.iter().find(|(n, _)| n.text == name).map(|(_, value)| value),
+        ValueKind::Map(items) => items.iter().find(|(key, _)| is_key(key)).map(|(_, value)| value),
+        _ => None,
+    }
 }
 
 /// The value at a place, anywhere in a tree.

@@ -23,8 +23,8 @@ mod widths;
 
 pub use escape::Escape;
 pub use objects::{Imports, MOST_OBJECTS, Wanted, wanted};
-pub use overrides::{Override, patched};
-pub use presets::{PRESET, Preset, expand_presets};
+pub use overrides::{Override, patched, place_of};
+pub use presets::{PRESET, Preset, expand_presets, preset_values};
 pub use read::read;
 pub use scene::motion;
 pub use scene::{

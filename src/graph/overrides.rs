@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 
 use crate::diag::{Diagnostic, Diagnostics, Span};
+use crate::formula::edit;
 use crate::formula::value::{Name, Value, ValueKind};
 
 /// A value of the command line that replaces a file's: `parameter`, `field`, `node.parameter`, or a path of any
@@ -73,6 +74,20 @@ pub fn patched(value: &Value, overrides: &[Override], d: &mut Diagnostics) -> (V
         apply_override(&mut patched, change, &mut params, d);
     }
     (patched, params)
+}
+
+/// Where the value that a path of `--set` names stands in a file: a parameter's default, a part of a node, or of another field.
+pub fn place_of(tree: &Value, path: &str) -> Vec<String> {
+    let parts: Vec<String> = path.split('.').map(ToString::to_string).collect();
+    let has =
+        |table: &str, name: &String| edit::field(tree, table).is_some_and(|table| edit::field(table, name).is_some());
+    let within = |table: &str, parts: &[String]| [&[table.to_string()], parts].concat();
+    match &parts[..] {
+        [name] if has("params", name) => ["params", name, "default"].map(ToString::to_string).to_vec(),
+        [table, name] if table == "params" => ["params", name, "default"].map(ToString::to_string).to_vec(),
+        [node, ..] if has("nodes", node) => within("nodes", &parts),
+        _ => parts,
+    }
 }
 
 /// Puts an override into the value tree, or into `params` where it names a fractal's parameter.

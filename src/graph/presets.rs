@@ -6,6 +6,7 @@
 use super::overrides::Override;
 use crate::diag::{Diagnostic, Diagnostics, Span};
 use crate::formula::decode::{Fields, entries};
+use crate::formula::edit::field;
 use crate::formula::value::{Value, ValueKind};
 
 /// The path of the override that asks for a preset.
@@ -24,6 +25,23 @@ pub struct Preset {
     pub changes: Vec<Override>,
 }
 
+/// What a preset of a file's value tree changes, as `--set` would: paths and values. None where there is no such preset.
+pub fn preset_values<'v>(tree: &'v Value, name: &str) -> Option<Vec<(String, &'v Value)>> {
+    let preset = field(field(tree, "presets")?, name)?;
+    let mut values = Vec::new();
+    if let Some(Value { kind: ValueKind::Map(items), .. }) = field(preset, "set") {
+        values.extend(items.iter().filter_map(|(key, value)| match &key.kind {
+            ValueKind::Str(path) => Some((path.clone(), value)),
+            _ => None,
+        }));
+    }
+    values.extend(OF_SCENES.iter().filter_map(|part| Some((part.to_string(), field(preset, part)?))));
+    Some(values)
+}
+
+/// Fields of presets that replace those of the file's scene.
+const OF_SCENES: [&str; 4] = ["camera", "plane", "look", "film"];
+
 /// Reads `presets: { "name": (help: "...", set: { "power": 5.0 }, camera: (...), look: (...)) }`.
 pub(super) fn read_presets(value: &Value, d: &mut Diagnostics) -> Vec<Preset> {
     let mut presets = Vec::new();
@@ -40,7 +58,7 @@ pub(super) fn read_presets(value: &Value, d: &mut Diagnostics) -> Vec<Preset> {
             let given = entries(set, "values of a preset", d);
             changes.extend(given.into_iter().map(|(path, value)| Override { path: path.text, value: value.clone() }));
         }
-        for field in ["camera", "plane", "look", "film"] {
+        for field in OF_SCENES {
             let given = fields.optional_value(field);
             changes.extend(given.map(|value| Override { path: field.into(), value: value.clone() }));
         }

@@ -25,7 +25,7 @@ fn options(formula: &Formula) -> Options {
 }
 
 fn calibrated(formula: &Formula, options: &Options) -> Calibration {
-    calibrate(&formula.subject(), options, &mut |_| {}).unwrap_or_else(|e| panic!("{}", e.message))
+    calibrate(&formula.subject(), options, &mut |_| true).unwrap_or_else(|e| panic!("{}", e.message))
 }
 
 /// Judges a choice on fresh rays.
@@ -198,7 +198,7 @@ fn what_is_fixed_stays() {
     let mut subject = formula.subject();
     subject.plan = bulbfold::compose::choose(&subject.composer(), &wanted).unwrap_or_else(|e| panic!("{}", e.message));
     let options = Options { wanted, ..options(&formula) };
-    let calibration = calibrate(&subject, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{}", e.message));
+    let calibration = calibrate(&subject, &options, &mut |_| true).unwrap_or_else(|e| panic!("{}", e.message));
     assert!(calibration.evidence.iter().all(|row| row.candidate.fudge == 0.8));
     assert_eq!(calibration.plan.fudge, 0.8);
 }
@@ -226,14 +226,14 @@ fn a_budget_that_nothing_keeps_is_told_with_its_cause() {
     let mut subject = formula.subject();
     subject.plan = bulbfold::compose::choose(&subject.composer(), &wanted).unwrap_or_else(|e| panic!("{}", e.message));
     let decided = Options { wanted, ..options(&formula) };
-    let calibration = calibrate(&subject, &decided, &mut |_| {}).unwrap_or_else(|e| panic!("{}", e.message));
+    let calibration = calibrate(&subject, &decided, &mut |_| true).unwrap_or_else(|e| panic!("{}", e.message));
     assert_eq!(calibration.origin, Origin::Fixed);
     assert!(calibration.evidence.is_empty(), "nothing is left to choose, so no time is spent");
 
     // With the step multiplier left open nothing of `scalar` will do.
     let wanted = EstimateSettings { fudge: None, ..wanted };
     let open = Options { wanted, ..decided };
-    let calibration = calibrate(&subject, &open, &mut |_| {}).unwrap_or_else(|e| panic!("{}", e.message));
+    let calibration = calibrate(&subject, &open, &mut |_| true).unwrap_or_else(|e| panic!("{}", e.message));
     assert!(!calibration.is_within);
     let warning = &calibration.warnings[0];
     assert!(warning.contains("least bad") && warning.contains("bulb"), "{warning}");

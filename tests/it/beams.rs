@@ -140,7 +140,7 @@ fn hits_are_those_of_plain_marches_and_of_brute_force() {
         let formula = Formula::builtin(name).unwrap().without_calibration();
         let subject = formula.subject();
         let options = Options { size: SIZE, cache: None, ..Options::of_view(&subject) };
-        let plan = calibrate(&subject, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{}", e.message)).plan;
+        let plan = calibrate(&subject, &options, &mut |_| true).unwrap_or_else(|e| panic!("{}", e.message)).plan;
         let (chosen, truths) = truths(&subject, &plan, &options.camera);
         for target in backends.targets() {
             let [plain, new] = [true, false].map(|plain| depths(&backends, target, &subject, &plan, plain));

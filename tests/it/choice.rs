@@ -23,7 +23,7 @@ fn calibrated_with(formula: &Formula, size: Size, wanted: EstimateSettings, budg
     subject.plan = choose(&subject.composer(), &wanted).unwrap_or_else(|e| panic!("{}", e.message));
     let mut options = Options { size, wanted, cache: None, ..Options::of_view(&subject) };
     options.budget.missed = budget.unwrap_or(options.budget.missed);
-    calibrate(&subject, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{}", e.message))
+    calibrate(&subject, &options, &mut |_| true).unwrap_or_else(|e| panic!("{}", e.message))
 }
 
 fn calibrated(name: &str, size: Size) -> Calibration {

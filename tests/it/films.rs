@@ -148,6 +148,61 @@ fn ffmpeg_gets_every_frame_and_the_sound() {
     let arguments = std::fs::read_to_string(folder.path().join("arguments.txt")).expect("it was called");
     assert!(arguments.contains("-framerate 30000/1001") && arguments.contains("-i song.wav"), "{arguments}");
     assert!(!folder.path().join("film.mp4.frames").exists());
+    // Some frames have the sound of their time.
+    let path = format!("{}:{}", folder.path().display(), std::env::var("PATH").unwrap_or_default());
+    let mut command = program(folder.path());
+    command.env("PATH", path).args([
+        "animate",
+        "moving.ron",
+        "-o",
+        "film.mp4",
+        "--audio",
+        "song.wav",
+        "--frames",
+        "5..8",
+    ]);
+    let output = command.args(SMALL).output().expect("the program starts");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let arguments = std::fs::read_to_string(folder.path().join("arguments.txt")).expect("it was called");
+    assert!(arguments.contains("-ss 1 -i song.wav") && arguments.contains("-t 1 "), "{arguments}");
+}
+
+/// A film that is killed again and again has in the end the frames of one that was left alone; what has a frame's name is whole at any time.
+#[cfg(unix)]
+#[test]
+fn a_film_that_is_killed_goes_on() {
+    let folder = folder_with(&[("moving.ron", MOVING)]);
+    let arguments = [&["animate", "moving.ron", "--fps", "12"], &SMALL[..]].concat();
+    success(&bulbfold(folder.path(), [&arguments[..], &["-o", "alone_%d.png"]].concat()));
+    let (mut random, mut kills) = (0x2545_f491_4f6c_dd1du64, 0);
+    for _ in 0..20 {
+        let mut child = program(folder.path())
+            .args(&arguments)
+            .args(["-o", "killed_%d.png"])
+            .stdout(std::process::Stdio::null())
+            .stderr(std::process::Stdio::null())
+            .spawn()
+            .expect("the program starts");
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        std::thread::sleep(std::time::Duration::from_millis(5 + (random >> 33) % 120));
+        kills += usize::from(child.try_wait().is_ok_and(|status| status.is_none()));
+        child.kill().and_then(|()| child.wait()).expect("it can be killed");
+        for frame in 1..=24 {
+            let path = folder.path().join(format!("killed_{frame}.png"));
+            assert!(!path.exists() || pixels(&path).len() == 32 * 24 * 3, "frame {frame} is whole");
+        }
+    }
+    assert!(kills > 0, "no film was killed while it was made");
+    success(&bulbfold(folder.path(), [&arguments[..], &["-o", "killed_%d.png"]].concat()));
+    for frame in 1..=24 {
+        let [alone, killed] = ["alone", "killed"]
+            .map(|name| std::fs::read(folder.path().join(format!("{name}_{frame}.png"))).expect("it is there"));
+        assert!(alone == killed, "frame {frame} is the same to the byte");
+    }
+    let litter = std::fs::read_dir(folder.path()).expect("it can be read").flatten();
+    let litter: Vec<_> =
+        litter.map(|entry| entry.file_name()).filter(|name| name.to_string_lossy().ends_with(".tmp")).collect();
+    assert!(litter.is_empty(), "{litter:?}");
 }
 
 /// From the view of one preset to that of another: the ends are the presets' pictures.

@@ -26,6 +26,7 @@ const ORDER: &[&str] = &[
     "calibrate",
     "engine",
     "explore",
+    "live",
     "chart",
     "view",
     "cli",

@@ -37,6 +37,7 @@ mod formulas;
 mod framing;
 #[cfg(feature = "chart")]
 mod gallery;
+mod habits;
 mod high_precision;
 #[cfg(unix)]
 mod hostile;
@@ -76,3 +77,4 @@ mod truth;
 mod user_step;
 #[cfg(feature = "chart")]
 mod view;
+mod watch;

@@ -6,12 +6,12 @@ use std::process::{Command, Output, Stdio};
 
 use bulbfold::check::Formula;
 
-/// The program in a folder, with no cache, no colour and no input.
+/// The program in a folder, with no cache, no settings, no colour and no input.
 pub fn program(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bulbfold"));
     // Without this Mesa's layer that chooses devices asks a display that is not there.
     command.current_dir(folder).env("NODEVICE_SELECT", "1");
-    command.env("NO_COLOR", "1").env("BULBFOLD_CACHE", "").stdin(Stdio::null());
+    command.env("NO_COLOR", "1").env("BULBFOLD_CACHE", "").env("BULBFOLD_CONFIG", "").stdin(Stdio::null());
     command
 }
 
