@@ -79,8 +79,8 @@ def check(browser, address, file, options, checks):
     changes(browser, checks, lambda: file.write_text(text), "a mended file shows its picture")
     checks.that(browser.run("document.getElementById('message').hidden"), "and no message")
 
-    slider = "document.querySelector('[data-path=\"scale\"] input')"
-    checks.that(browser.run(f"!!{slider} && +{slider}.min < +{slider}.max"), "the parameter has a slider with a range")
+    slider = "document.querySelector('[data-path=\"scale\"] [type=range]')"
+    checks.that(browser.run(f"!!{slider} && +{slider}.min < +{slider}.value && +{slider}.value < +{slider}.max"), "the parameter has a slider within its range")
     move = f"{slider}.value = 2.6; {slider}.dispatchEvent(new Event('input')); {slider}.dispatchEvent(new Event('change'))"
     changes(browser, checks, lambda: browser.run(move), "the slider changes the picture")
     changes(browser, checks, lambda: browser.run("[...document.querySelectorAll('#presets button')].find(b => b.textContent === 'far').click()"), "a preset shows another picture")
