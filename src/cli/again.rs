@@ -64,8 +64,8 @@ pub fn job(session: &Session, recipe: Recipe, asked: Asked, observer: &mut dyn O
     let moved = asked.request.camera;
     let request = merged(&recipe, asked);
     let is_light = {
-        let Request { samples, sampling, backend, layers, path, mirrors, .. } = request.clone();
-        let like = Request { samples, sampling, backend, layers, path, mirrors, ..old.request.clone() };
+        let Request { samples, sampling, backend, layers, path, denoise, mirrors, .. } = request.clone();
+        let like = Request { samples, sampling, backend, layers, path, denoise, mirrors, ..old.request.clone() };
         request == like
     };
     if keeps_view && is_light && recipe.is_settled() {
@@ -100,6 +100,7 @@ fn merged(recipe: &Recipe, asked: Asked) -> Request {
         calibrate: if has("calibrate") { new.calibrate } else { base.calibrate },
         budget: if has("error_budget") { new.budget } else { base.budget },
         path: if has("integrator") { new.path } else { new.path.or(base.path) },
+        denoise: base.denoise || new.denoise,
         mirrors: if has("mirrors") { new.mirrors } else { base.mirrors },
         exact_rays: base.exact_rays || new.exact_rays,
         layers: asked.layers,

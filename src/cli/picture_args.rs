@@ -148,6 +148,7 @@ impl PictureArgs {
             precision: self.precision.given(),
             exact_rays: self.exact_rays,
             path: self.path.tracing(self.look.seed.unwrap_or(0)),
+            denoise: self.path.denoise,
             mirrors: self.path.mirrors,
             ..self.estimate.request(self.size.unwrap_or(DEFAULT_SIZE))
         }
@@ -178,6 +179,9 @@ pub struct PathArgs {
     /// Mirrored rays that follow each other at most with `--integrator direct`; 0 shows the sky alone in mirrors
     #[arg(long, value_name = "N", default_value_t = MIRRORS, value_parser = clap::value_parser!(u32).range(0..=16))]
     mirrors: u32,
+    /// Filter the noise of paths, and keep the edges of surfaces; asks for `--integrator path`
+    #[arg(long)]
+    pub denoise: bool,
     /// Noise at which a tile of the picture is done, such as 2%; asks for `--integrator path`
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     noise: Option<f64>,
@@ -198,7 +202,7 @@ const MOST_PATHS: u32 = 4096;
 impl PathArgs {
     /// Whether paths are asked for.
     fn is_asked(&self) -> bool {
-        let is_meant = self.paths.is_some() || self.bounces.is_some() || self.noise.is_some();
+        let is_meant = self.denoise || self.paths.is_some() || self.bounces.is_some() || self.noise.is_some();
         self.integrator == IntegratorArg::Path || is_meant
     }
 

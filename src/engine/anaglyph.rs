@@ -3,8 +3,8 @@
 use std::io;
 use std::ops::Range;
 
-use super::{Backends, Done, Error, Job, Observer, Sink, Stage, running};
-use crate::diag::Diagnostic;
+use super::running::Part;
+use super::{Backends, Done, Error, Job, Observer, Sink, running};
 use crate::film::{Layers, Rows};
 use crate::graph::{Camera, Stereo, StereoLayout};
 
@@ -25,9 +25,10 @@ pub(super) fn render(
     observer: &mut dyn Observer,
 ) -> Result<Done, Error> {
     let mut kept = Kept { layers: sink.layers(), srgb: Vec::new(), radiance: Vec::new() };
-    let first = running::render(backends, left, rows.clone(), &mut kept, &mut Half { observer, from: 0.0 })?;
+    let first =
+        running::render(backends, left, rows.clone(), &mut kept, &mut Part { observer, from: 0.0, share: 0.5 })?;
     let mut both = Both { left: kept, begun: [0; 2], sink };
-    let mut done = running::render(backends, right, rows, &mut both, &mut Half { observer, from: 0.5 })?;
+    let mut done = running::render(backends, right, rows, &mut both, &mut Part { observer, from: 0.5, share: 0.5 })?;
     done.stats.add(&first.stats);
     done.stats.render += first.stats.render;
     Ok(done)
@@ -77,29 +78,5 @@ impl Sink for Both<'_> {
 fn redden<T: Copy>(pixels: &mut [T], others: &[T]) {
     for (pixel, other) in pixels.chunks_exact_mut(3).zip(others.chunks_exact(3)) {
         pixel[0] = other[0];
-    }
-}
-
-/// Half of the progress of two renders.
-struct Half<'a> {
-    observer: &'a mut dyn Observer,
-    from: f64,
-}
-
-impl Observer for Half<'_> {
-    fn progress(&mut self, stage: Stage, share: f64) {
-        self.observer.progress(stage, self.from + share / 2.0);
-    }
-
-    fn warn(&mut self, warning: Diagnostic) {
-        self.observer.warn(warning);
-    }
-
-    fn note(&mut self, text: &str) {
-        self.observer.note(text);
-    }
-
-    fn is_cancelled(&self) -> bool {
-        self.observer.is_cancelled()
     }
 }

@@ -20,6 +20,7 @@ mod anaglyph;
 mod animation;
 mod backend;
 mod camera;
+mod denoised;
 mod error;
 mod job;
 mod observer;
@@ -171,6 +172,7 @@ impl Engine {
     ) -> Result<Done, Error> {
         match anaglyph::eyes(job) {
             Some(eyes) => anaglyph::render(&self.backends, &eyes, rows, sink, observer),
+            None if denoised::is_asked(job) => denoised::render(&self.backends, job, rows, sink, observer),
             None => running::render(&self.backends, job, rows, sink, observer),
         }
     }

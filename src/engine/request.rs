@@ -53,6 +53,8 @@ pub struct Request {
     pub effort: f64,
     /// Whether light is followed along paths, and how; otherwise it comes straight from lights and surroundings.
     pub path: Option<PathTracing>,
+    /// Whether the noise of paths is filtered, by what their first surfaces are.
+    pub denoise: bool,
     /// Mirrored rays that follow each other at most, from 0 to 16; paths of light have their own.
     pub mirrors: u32,
     /// What the picture is to tell of its pixels besides their colours.
@@ -77,6 +79,7 @@ impl Default for Request {
             budget: Budget::default(),
             effort: 1.0,
             path: None,
+            denoise: false,
             mirrors: MIRRORS,
             layers: Layers::NONE,
             exact_rays: false,

@@ -97,6 +97,33 @@ pub(super) fn render(
     }
 }
 
+/// A part of the progress of work that has several.
+pub(super) struct Part<'a> {
+    pub observer: &'a mut dyn Observer,
+    /// Where it begins.
+    pub from: f64,
+    /// How much of the whole it is.
+    pub share: f64,
+}
+
+impl Observer for Part<'_> {
+    fn progress(&mut self, stage: Stage, share: f64) {
+        self.observer.progress(stage, self.from + share * self.share);
+    }
+
+    fn warn(&mut self, warning: Diagnostic) {
+        self.observer.warn(warning);
+    }
+
+    fn note(&mut self, text: &str) {
+        self.observer.note(text);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.observer.is_cancelled()
+    }
+}
+
 /// A job that runs on a thread of its own. Dropping it cancels the job.
 pub struct Running<S> {
     cancel: Cancel,

@@ -1,6 +1,7 @@
 //! Film: tiles, their pixels in an order that keeps neighbours together, radiance and how it is developed, and the files of pictures.
 
 mod agx;
+mod denoise;
 mod develop;
 mod encoded;
 mod file;
@@ -21,7 +22,9 @@ mod shutter;
 
 use std::path::Path;
 
+pub use self::denoise::{GUIDES, denoise};
 pub use self::develop::{Develop, compose_develop, compose_encoded};
+pub(crate) use self::encoded::Developer;
 pub use self::file::{Depth, Form, Format, PictureFile, Pictures};
 pub use self::flicker::{Flicker, Sight, flicker};
 pub use self::layers::{Layer, Layers, Radiance, Rows};

@@ -206,3 +206,39 @@ fn back_ends_follow_the_same_paths() {
         assert!(off * 500 <= cpu.len(), "{scene}: {off} of {} bytes differ", cpu.len());
     }
 }
+
+/// Filtered paths are nearer to the light than the paths themselves; all rows are those of the whole picture.
+#[test]
+fn filtered_noise_is_nearer_to_the_light() {
+    let scene = "(nodes: {\"ball\": Sphere(centre: (0, 0, 0), radius: 1.0), \"floor\": Box(centre: (0, 0, -1.2), half_size: (4, 4, 0.2))},
+        output: Union([\"ball\", \"floor\"]),
+        bounding_radius: 7.0, camera: (position: (3, -5, 2.5), target: (0, 0, -0.4), fov: 40.0),
+        light: {\"lamp\": Sphere(at: (-2, -2, 4), radius: 1.0, strength: 12.0)}, environment: Uniform((0.3, 0.35, 0.4)),
+        look: (palette: [(0.8, 0.5, 0.3)]))";
+    let size = (64, 48);
+    let truth = radiance(scene, size, paths(1024));
+    let noisy = radiance(scene, size, paths(8));
+    let denoised = radiance(scene, size, |request| Request { denoise: true, ..paths(8)(request) });
+    let off = |light: &[[f32; 3]]| {
+        let squares = light.iter().flatten().zip(truth.iter().flatten()).map(|(a, b)| f64::from(a - b).powi(2));
+        (squares.sum::<f64>() / (3 * light.len()) as f64).sqrt()
+    };
+    assert!(off(&denoised) < 0.6 * off(&noisy), "{} of {}", off(&denoised), off(&noisy));
+    assert!((mean(&denoised) / mean(&truth) - 1.0).abs() < 0.03, "{} and {}", mean(&denoised), mean(&truth));
+    let folder = folder_with(&[("scene.ron", scene)]);
+    let arguments =
+        ["render", "scene.ron", "--paths", "4", "--denoise", "--size", "48x32", "--backend", "cpu", "--quiet"];
+    success(&bulbfold(folder.path(), [&arguments[..], &["-o", "a.png"]].concat()));
+    success(&bulbfold(folder.path(), ["render", "a.png", "-o", "again.png", "--quiet"]));
+    assert_eq!(
+        pixels(&folder.path().join("a.png")),
+        pixels(&folder.path().join("again.png")),
+        "a picture knows its filter"
+    );
+    success(&bulbfold(folder.path(), [&arguments[..], &["--resume", "-o", "rows.png"]].concat()));
+    assert_eq!(
+        pixels(&folder.path().join("a.png")),
+        pixels(&folder.path().join("rows.png")),
+        "rows are those of the whole"
+    );
+}
