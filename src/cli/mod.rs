@@ -31,6 +31,7 @@ mod driver;
 mod encode;
 mod explain;
 mod export;
+mod farm;
 mod film;
 mod flicker;
 mod fly;
@@ -40,6 +41,8 @@ mod gallery;
 #[cfg(feature = "chart")]
 mod gallery_page;
 mod import;
+mod job;
+mod join;
 mod kept;
 mod list;
 #[cfg(feature = "chart")]
@@ -120,6 +123,10 @@ enum Command {
     Render(Box<render::Arguments>),
     /// Render a film: numbered pictures, or one file.
     Animate(Box<animate::Arguments>),
+    /// Write a picture or a film as a job for many machines.
+    Job(Box<job::Arguments>),
+    /// Join the parts of a job into its picture or film.
+    Join(join::Arguments),
     /// Print a stage of the compiler: graph, expressions, WGSL or CPU tape.
     Compile(compile::Arguments),
     /// Run the tests in formula and step files, on every back end.
@@ -252,6 +259,8 @@ fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
     match &mut cli.command {
         Command::Render(arguments) => render::run(arguments, &mut session()?, out),
         Command::Animate(arguments) => animate::run(arguments, &mut session()?, out),
+        Command::Job(arguments) => job::run(arguments, &mut session()?),
+        Command::Join(arguments) => join::run(arguments, &mut session()?),
         Command::Compile(arguments) => compile::run(arguments, &mut session()?, out),
         Command::Test(arguments) => test::run(arguments, &mut session()?, out),
         Command::Check(arguments) => check::run(arguments, &mut session()?, out),
