@@ -193,7 +193,7 @@ impl Arguments {
         let job = job.map_err(|error| session.failed(error))?;
         drop(watch);
         let mut frames = Vec::new();
-        self.take(folder, (1, &[job.clone()]), &mut frames)?;
+        self.take(folder, (1, std::slice::from_ref(&job)), &mut frames)?;
         Ok(self.manifest(&job, frames, None, output))
     }
 
