@@ -100,7 +100,9 @@ impl Arguments {
         }
         if made.len() > 1 && !self.mix_backends {
             let first = |(backend, parts): (&String, &Vec<u32>)| {
-                format!("{backend} ({} parts, such as {})", parts.len(), parts[0])
+                let numbers: Vec<String> = parts.iter().take(MOST_NAMED).map(u32::to_string).collect();
+                let more = if parts.len() > MOST_NAMED { ", ..." } else { "" };
+                format!("{backend} (parts {}{more})", numbers.join(", "))
             };
             let all: Vec<String> = made.iter().map(first).collect();
             let text = format!("different back ends made the parts: {}", all.join("; "));

@@ -1,6 +1,5 @@
 //! A pipeline made ready on a back end, and what becomes of rays on it.
 
-use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use super::beams::{Beams, Starts};
@@ -222,13 +221,6 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let pixels = Pixels::starting(pixels.iter().copied(), start);
         let rays = self.rays(&pixels, &[[0.5; 2]])?;
         passes::depths(self.backend, &passes::march(self.backend, &self.march, &rays)?)
-    }
-
-    /// Follows these paths of each pixel alone, of all that the settings ask for, and gives their sums.
-    pub fn take_samples(&mut self, part: Range<u32>) {
-        if let Some(tracer) = &mut self.tracer {
-            tracer.take(part);
-        }
     }
 
     /// Columns and rows of the picture.

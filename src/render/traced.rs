@@ -95,11 +95,6 @@ impl<B: Backend> Tracer<B> {
         Ok(Tracer { point, inner, blur: blur.transpose()?, settings, part: None, developed, has_lights })
     }
 
-    /// Takes these samples alone, of those that the settings ask for.
-    pub fn take(&mut self, part: Range<u32>) {
-        self.part = Some(part);
-    }
-
     /// The samples that are taken at most.
     fn samples(&self) -> Range<u32> {
         self.part.clone().unwrap_or(0..self.settings.samples.max(1))
@@ -125,6 +120,13 @@ fn randoms(pixels: &[(u32, u32)], sample: u32, bounce: u32, seed: u32) -> Vec<Ve
 }
 
 impl<B: Backend> Renderer<'_, B> {
+    /// Follows these paths of each pixel alone, of all that the settings ask for, and gives their sums.
+    pub fn take_samples(&mut self, part: Range<u32>) {
+        if let Some(tracer) = &mut self.tracer {
+            tracer.part = Some(part);
+        }
+    }
+
     /// The rows of a band whose pixels are seen along paths of light.
     pub(super) fn traced(&self, band: Tile, meter: &Meter, stats: &mut Stats) -> Result<Rows, Halt> {
         let Some(tracer) = &self.tracer else { return Ok(Rows::default()) };

@@ -79,21 +79,11 @@ pub fn run(folder: &Path, part: PartArg, how: How, session: &mut Session) -> Out
 fn render(folder: &Path, part: PartArg, how: How, session: &mut Session) -> Outcome {
     let bundle = Bundle::open(folder)?;
     let place = part.place(&bundle.manifest)?;
-    let (width, rows) = (bundle.manifest.size.width, bundle.manifest.rows(place));
     let jobs = bundle.jobs(session, place.frame)?;
     let jobs = jobs.into_iter().map(|job| on_backend(job, how.backend)).collect::<Result<Vec<Job>, Failure>>()?;
-    let layers = layers_of(jobs[0].request.layers);
     let path = bundle.part(place.number);
-    let name = path.display().to_string();
-    if path.exists() {
-        match PartReader::open(&bundle, place.number, layers).and_then(|part| part.check(width, rows.len() as u32)) {
-            Ok(_) if how.quiet => return Ok(()),
-            Ok(_) => {
-                talk(&format!("{name} is there"));
-                return Ok(());
-            }
-            Err(why) => talk(&format!("{name} is rendered again: it {why}")),
-        }
+    if is_there(&bundle, place, &jobs[0], how.quiet) {
+        return Ok(());
     }
     make_folder(&bundle.folder.join("parts"))?;
     let unfinished = bundle.unfinished(place.number);
@@ -104,7 +94,7 @@ fn render(folder: &Path, part: PartArg, how: How, session: &mut Session) -> Outc
         talk(&format!("{} was of another job and is begun anew", unfinished.display()));
     }
     if file.rows > 0 && !how.quiet {
-        talk(&format!("{name} goes on at row {}", rows.start + file.rows + 1));
+        talk(&format!("{} goes on at row {}", path.display(), bundle.manifest.rows(place).start + file.rows + 1));
     }
     let session = if jobs.len() > 1 { session.keeping_kernels() } else { &*session };
     let mut told = Told::new(session, how.is_engine, how.quiet);
@@ -117,9 +107,30 @@ fn render(folder: &Path, part: PartArg, how: How, session: &mut Session) -> Outc
     file.finish(&path).map_err(|error| cannot_write(&path, &error))?;
     told.progress(Stage::Rendering, 1.0);
     if !how.quiet {
-        talk(&format!("{name}: {}", bundle.manifest.shown(place)));
+        talk(&format!("{}: {}", path.display(), bundle.manifest.shown(place)));
     }
     Ok(())
+}
+
+/// Whether a part is whole; says so, or why one that is there is not.
+fn is_there(bundle: &Bundle, place: Place, job: &Job, quiet: bool) -> bool {
+    let path = bundle.part(place.number);
+    if !path.exists() {
+        return false;
+    }
+    let rows = bundle.manifest.rows(place).len() as u32;
+    let part = PartReader::open(bundle, place.number, layers_of(job.request.layers));
+    match part.and_then(|part| part.check(job.size().width, rows)) {
+        Ok(_) if quiet => true,
+        Ok(_) => {
+            talk(&format!("{} is there", path.display()));
+            true
+        }
+        Err(why) => {
+            talk(&format!("{} is rendered again: it {why}", path.display()));
+            false
+        }
+    }
 }
 
 /// The job on the back end that is asked for, where it leaves that open.
