@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use bulbfold::engine::Request;
+use bulbfold::engine::{Moments, Request};
 use bulbfold::graph::motion::{Motion, Rate};
 use bulbfold::load::Loaded;
 use bulbfold::motion::Moves;
@@ -39,6 +39,25 @@ pub struct Arguments {
     #[command(flatten)]
     picture: PictureArgs,
     #[command(flatten)]
+    shot: ShotArgs,
+    /// Small and fast: 320 columns, one sample a pixel, no motion blur
+    #[arg(long, help_heading = "Film")]
+    preview: bool,
+    /// Keep the frames of a film that is one file, in FILM.frames
+    #[arg(long, help_heading = "Film")]
+    keep_frames: bool,
+    /// Render frames again that are there
+    #[arg(long, help_heading = "Film")]
+    again: bool,
+    /// Look for flicker in small pictures of neighbouring frames, and write no film
+    #[arg(long, help_heading = "Film", conflicts_with_all = ["preview", "json"])]
+    check: bool,
+}
+
+/// A film: what moves, which frames of it, and for how long the shutter is open.
+#[derive(Args, Clone, Debug)]
+pub struct ShotArgs {
+    #[command(flatten)]
     film: FilmArgs,
     /// Render these frames alone, counted from 1, such as 25..48
     #[arg(long, value_name = "A..B", value_parser = parse_frames, help_heading = "Film")]
@@ -55,18 +74,6 @@ pub struct Arguments {
     /// A sound file for the film [default: the file's]
     #[arg(long, value_name = "FILE", help_heading = "Film")]
     audio: Option<PathBuf>,
-    /// Small and fast: 320 columns, one sample a pixel, no motion blur
-    #[arg(long, help_heading = "Film")]
-    preview: bool,
-    /// Keep the frames of a film that is one file, in FILM.frames
-    #[arg(long, help_heading = "Film")]
-    keep_frames: bool,
-    /// Render frames again that are there
-    #[arg(long, help_heading = "Film")]
-    again: bool,
-    /// Look for flicker in small pictures of neighbouring frames, and write no film
-    #[arg(long, help_heading = "Film", conflicts_with_all = ["preview", "json"])]
-    check: bool,
 }
 
 /// What moves in a film, and for how long.
@@ -116,26 +123,20 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
     let arguments = &*arguments;
     arguments.picture.want_file("a film")?;
     let start = Instant::now();
-    let encoder = encode::encoder(&arguments.picture, arguments.check)?;
+    let encoder = encode::encoder(&arguments.picture.output, arguments.check)?;
     let names = match &encoder {
         Some(encoder) => Names::inside(&encoder.folder()),
         None if arguments.check => Names::inside(Path::new("")),
-        None => Names::new(&arguments.picture, "a film")?,
+        None => Names::new(&arguments.picture.output, &arguments.picture.formula.file, "a film")?,
     };
     if arguments.picture.json {
         refuse_json(&names)?;
     }
     arguments.picture.prepare();
     let request = arguments.request();
-    request.first_precision().map_err(|error| session.failed(error))?;
-    let changes = arguments.picture.changes(session)?;
-    let file = &arguments.picture.formula.file;
-    let mut moments = arguments.film.moments(session, (file, changes), arguments.picture.camera, &request)?;
-    arguments.open_shutter(&mut moments.clock, moments.moves.as_ref());
-    let frames = arguments.chosen(moments.clock.frames)?;
-    let request = arguments.sized(request, &moments, session)?;
-    let audio =
-        arguments.audio.clone().or_else(|| moments.moves.as_ref().and_then(|m| m.audio().map(Path::to_path_buf)));
+    let quick = Quick { is_small: arguments.preview, has_shutter: !arguments.preview && !arguments.check };
+    let Shot { moments, frames, request, audio } =
+        arguments.shot.shot((&arguments.picture, request), quick, session)?;
     let session = session.keeping_kernels();
     if arguments.check {
         return flicker::check(session, (&moments, &frames), &request, out);
@@ -160,11 +161,10 @@ pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write
     }
     if let Some(encoder) = &encoder {
         // The sound of some frames begins where the first of them does.
-        let first = arguments.frames.map_or(0, |[first, _]| first - 1);
-        let begin = f64::from(first) * f64::from(rate.seconds) / f64::from(rate.frames);
+        let begin = arguments.shot.begin(rate);
         encoder.join(
             &report.written,
-            (rate, arguments.every),
+            (rate, arguments.shot.every()),
             audio.as_deref().map(|audio| (audio, begin)),
             arguments.keep_frames,
             session.progress(),
@@ -198,17 +198,72 @@ impl Arguments {
         let request = self.picture.request();
         if self.preview { Request { samples: 1, ..request } } else { request }
     }
+}
 
-    /// The request with the size of the film's pictures.
-    fn sized(&self, request: Request, moments: &FilmMoments, session: &Session) -> Result<Request, Failure> {
-        use bulbfold::engine::Moments;
+/// What is left out of a film that is to be quick.
+#[derive(Clone, Copy)]
+pub struct Quick {
+    /// Whether its pictures are small.
+    pub is_small: bool,
+    /// Whether it has motion blur where that is asked for.
+    pub has_shutter: bool,
+}
+
+/// A film whose frames can be settled.
+pub struct Shot {
+    /// What it shows.
+    pub moments: FilmMoments,
+    /// The frames that are wanted, counted from 0.
+    pub frames: Vec<u32>,
+    /// The request, with the size of its pictures.
+    pub request: Request,
+    /// Its sound.
+    pub audio: Option<PathBuf>,
+}
+
+impl ShotArgs {
+    /// Whether anything is said of a film.
+    pub fn is_given(&self) -> bool {
+        let is_moved = !self.film.ranges.ranges.is_empty() || self.film.way.is_some();
+        let is_timed = self.film.seconds.is_some() || self.film.fps.is_some();
+        let is_cut = self.frames.is_some() || self.every > 1;
+        is_moved || is_timed || is_cut || self.shutter.is_some() || self.audio.is_some()
+    }
+
+    /// When the first frame that is wanted begins, in seconds.
+    pub fn begin(&self, rate: Rate) -> f64 {
+        f64::from(self.frames.map_or(0, |[first, _]| first - 1)) * f64::from(rate.seconds) / f64::from(rate.frames)
+    }
+
+    /// Frames from one that is rendered to the next.
+    pub fn every(&self) -> u32 {
+        self.every
+    }
+
+    /// The film of a formula, with pictures as they are asked for.
+    pub fn shot(
+        &self,
+        (picture, request): (&PictureArgs, Request),
+        quick: Quick,
+        session: &mut Session,
+    ) -> Result<Shot, Failure> {
+        request.first_precision().map_err(|error| session.failed(error))?;
+        let changes = picture.changes(session)?;
+        let file = &picture.formula.file;
+        let mut moments = self.film.moments(session, (file, changes), picture.camera, &request)?;
+        if quick.has_shutter {
+            self.open_shutter(&mut moments.clock, moments.moves.as_ref());
+        }
+        let frames = self.chosen(moments.clock.frames)?;
         let first = moments.moment(0).map_err(|error| session.failed(error))?;
-        let size = self.picture.size_for(first.formula.graph().scene.camera)?;
-        let size = match self.preview && size.width > PREVIEW {
+        let size = picture.size_for(first.formula.graph().scene.camera)?;
+        let size = match quick.is_small && size.width > PREVIEW {
             true => Size { width: PREVIEW, height: (size.height * PREVIEW / size.width).max(2) / 2 * 2 },
             false => size,
         };
-        Ok(Request { size, ..request })
+        let own = || moments.moves.as_ref().and_then(|moves| moves.audio().map(Path::to_path_buf));
+        let audio = self.audio.clone().or_else(own);
+        Ok(Shot { moments, frames, request: Request { size, ..request }, audio })
     }
 
     /// The shutter that is asked for, else the file's.
@@ -216,7 +271,7 @@ impl Arguments {
         let own = moves.map(Moves::motion);
         let shutter = self.shutter.or(own.map(|motion| motion.shutter)).unwrap_or(0.0);
         let samples = self.shutter_samples.or(own.map(|motion| motion.samples)).unwrap_or(1);
-        if shutter > 0.0 && !self.preview && !self.check {
+        if shutter > 0.0 {
             (clock.shutter, clock.blur) = (shutter, samples);
         }
     }

@@ -12,7 +12,7 @@ use bulbfold::shade::Size;
 
 use super::film::{Written, not_joined};
 use super::output::{Content, check_output, not_written};
-use super::picture_args::PictureArgs;
+use super::pictures::OutputArgs;
 use super::progress::Progress;
 use super::{Failure, Outcome, usage};
 
@@ -48,9 +48,14 @@ enum By {
     Ffmpeg(usize),
 }
 
+/// Whether a name's ending is that of a film.
+pub fn is_film(ending: &str) -> bool {
+    OWN.iter().map(|(known, _)| *known).chain(FFMPEG.iter().map(|(known, ..)| *known)).any(|known| known == ending)
+}
+
 /// What makes the film that is asked for; nothing where frames are wanted.
-pub fn encoder(arguments: &PictureArgs, checks: bool) -> Result<Option<Encoder>, Failure> {
-    let Some(name) = arguments.output.only("a film")?.filter(|_| !checks) else { return Ok(None) };
+pub fn encoder(output: &OutputArgs, checks: bool) -> Result<Option<Encoder>, Failure> {
+    let Some(name) = output.only("a film")?.filter(|_| !checks) else { return Ok(None) };
     let is_pattern = name.as_os_str().as_encoded_bytes().contains(&b'%');
     let ending = name.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let own = OWN.iter().find(|(known, _)| *known == ending).map(|(_, format)| By::Own(*format));
@@ -63,7 +68,7 @@ pub fn encoder(arguments: &PictureArgs, checks: bool) -> Result<Option<Encoder>,
             By::Ffmpeg(_) => Err(usage(format!("{} is no file", name.display()), "name a file: -o film.mp4")),
         };
     }
-    arguments.output.refuse_forms("a film in one file")?;
+    output.refuse_forms("a film in one file")?;
     Ok(Some(Encoder { target, by }))
 }
 

@@ -67,8 +67,7 @@ pub fn render(mut film: Film, session: &Session) -> Result<Report, Failure> {
     let (mut report, mut named) = (Report::default(), 0);
     for (i, (&frame, target)) in film.frames.iter().zip(&targets).enumerate() {
         let begun = Instant::now();
-        let jobs = (0..film.blur).map(|k| animation.job((frame * film.blur + k) as usize).map_err(failed));
-        let jobs = jobs.collect::<Result<Vec<Job>, Failure>>()?;
+        let jobs = film.jobs(&mut animation, frame).map_err(failed)?;
         let key = key_of(&jobs, &film.picture.output.forms()).map_err(failed)?;
         report.composing += begun.elapsed();
         let path = target.path().to_path_buf();
@@ -96,7 +95,21 @@ pub fn render(mut film: Film, session: &Session) -> Result<Report, Failure> {
     Ok(report)
 }
 
+/// Settles the film, and hands on the jobs of each frame: those that it is the average of.
+pub fn settle(mut film: Film, session: &Session, take: &mut dyn FnMut(u32, Vec<Job>) -> Outcome) -> Outcome {
+    let failed = |error| session.failed(error);
+    film.settle_request(session)?;
+    let mut watch = session.watch();
+    let mut animation = Animation::settle(film.moments, &film.request, &mut watch).map_err(failed)?;
+    film.frames.iter().try_for_each(|&frame| take(frame, film.jobs(&mut animation, frame).map_err(failed)?))
+}
+
 impl Film<'_> {
+    /// The jobs of a frame.
+    fn jobs(&self, animation: &mut Animation, frame: u32) -> Result<Vec<Job>, Error> {
+        (0..self.blur).map(|k| animation.job((frame * self.blur + k) as usize)).collect()
+    }
+
     /// Settles what the frames' files want of each pixel, and reads the moments, so that a value out of range is told before anything is rendered.
     fn settle_request(&mut self, session: &Session) -> Outcome {
         let failed = |error| session.failed(error);
@@ -136,7 +149,7 @@ fn announce(session: &Session, film: &Film, animation: &mut Animation) -> Outcom
 }
 
 /// The key of a frame: that of its picture, or a hash of those that it is the average of and of what is said of its file.
-fn key_of(jobs: &[Job], forms: &str) -> Result<String, Error> {
+pub fn key_of(jobs: &[Job], forms: &str) -> Result<String, Error> {
     let keys = jobs.iter().map(job_key).collect::<Result<Vec<String>, Error>>()?;
     match &keys[..] {
         [only] if forms.is_empty() => Ok(only.clone()),
@@ -189,7 +202,7 @@ fn blurred(
     file: &mut PictureFile,
     observer: &mut Part,
 ) -> Result<Done, Error> {
-    let mut shutter = Shutter::new(form).map_err(Error::Sink)?;
+    let mut shutter = Shutter::new(form, 0).map_err(Error::Sink)?;
     let mut all: Option<Done> = None;
     for (i, job) in jobs.iter().enumerate() {
         shutter.open();
@@ -215,10 +228,13 @@ fn sum(all: &mut Stats, stats: &Stats) {
 }
 
 /// Tells of a picture's progress as a part of the film's.
-struct Part<'a> {
-    observer: &'a mut dyn Observer,
-    done: f64,
-    count: f64,
+pub struct Part<'a> {
+    /// Who is told.
+    pub observer: &'a mut dyn Observer,
+    /// What was done before, in pictures.
+    pub done: f64,
+    /// All that is to be done.
+    pub count: f64,
 }
 
 impl Observer for Part<'_> {

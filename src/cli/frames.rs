@@ -8,7 +8,7 @@ use bulbfold::film::{Format, read_made, read_png};
 use bulbfold::shade::Size;
 
 use super::output::{Content, cannot_write, check_output};
-use super::picture_args::PictureArgs;
+use super::pictures::OutputArgs;
 use super::{Failure, Outcome, Session, usage};
 
 /// Where frames go.
@@ -27,15 +27,15 @@ pub struct Pattern {
 }
 
 impl Names {
-    /// The names that were asked for, else the formula's with a number; refuses what could not be written.
-    pub fn new(arguments: &PictureArgs, what: &str) -> Result<Names, Failure> {
-        let Some(given) = arguments.output.only(what)? else {
-            let mut before = arguments.formula.file.file_stem().unwrap_or_default().to_os_string();
+    /// The names that were asked for, else that of the formula's file with a number; refuses what could not be written.
+    pub fn new(output: &OutputArgs, stem: &Path, what: &str) -> Result<Names, Failure> {
+        let Some(given) = output.only(what)? else {
+            let mut before = stem.file_stem().unwrap_or_default().to_os_string();
             before.push("_");
             return Ok(Names::Numbered(Pattern { before, after: ".png".into(), digits: 4 }));
         };
         if let Some(pattern) = Pattern::parse(given.as_os_str()) {
-            arguments.output.file(&pattern.path(0))?;
+            output.file(&pattern.path(0))?;
             return Ok(Names::Numbered(pattern));
         }
         match Target::of(given) {

@@ -32,6 +32,7 @@ mod driver;
 mod encode;
 mod explain;
 mod export;
+mod farm;
 mod film;
 mod flicker;
 mod fly;
@@ -41,6 +42,8 @@ mod gallery;
 #[cfg(feature = "chart")]
 mod gallery_page;
 mod import;
+mod job;
+mod join;
 mod kept;
 mod list;
 #[cfg(feature = "chart")]
@@ -127,6 +130,10 @@ enum Command {
     Render(Box<render::Arguments>),
     /// Render a film: numbered pictures, or one file.
     Animate(Box<animate::Arguments>),
+    /// Write a picture or a film as a job for many machines.
+    Job(Box<job::Arguments>),
+    /// Join the parts of a job into its picture or film.
+    Join(join::Arguments),
     /// Print a stage of the compiler: graph, expressions, WGSL or CPU tape.
     Compile(compile::Arguments),
     /// Run the tests in formula and step files, on every back end.
@@ -279,6 +286,8 @@ fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
         Command::Render(arguments) => render::run(arguments, &mut session()?, out),
         Command::Animate(arguments) => animate::run(arguments, &mut session()?, out),
         Command::Watch(arguments) => watch::run(arguments, session()?, out),
+        Command::Job(arguments) => job::run(arguments, &mut session()?),
+        Command::Join(arguments) => join::run(arguments, &mut session()?),
         Command::Compile(arguments) => compile::run(arguments, &mut session()?, out),
         Command::Test(arguments) => test::run(arguments, &mut session()?, out),
         Command::Check(arguments) => check::run(arguments, &mut session()?, out),

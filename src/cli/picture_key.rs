@@ -1,7 +1,7 @@
 //! What a picture shows, in text: the part of a key that all kinds of pictures share.
 
 use bulbfold::calibrate::cache::hash;
-use bulbfold::diag::Sources;
+use bulbfold::diag::{Sources, Span};
 use bulbfold::engine::{Error, Job};
 use bulbfold::film::Layers;
 use bulbfold::graph::{NodeKind, ValidGraph, print};
@@ -10,9 +10,15 @@ use bulbfold::render::RenderSettings;
 /// Counts changes of what pictures show: those of older programs are other pictures.
 const VERSION: u32 = 1;
 
-/// The graph with all its settings and the texts of its steps. Comments, tests and descriptions do not show.
+/// The graph with all its settings and the texts of its steps and materials. Comments, tests, descriptions and what other moments of a
+/// film show do not.
 pub fn graph_text(sources: &Sources, graph: &ValidGraph) -> String {
-    let mut text = format!("{}\n{:?} {:?}", print::listing(graph), graph.scene, graph.bounding_radius,);
+    let mut scene = graph.scene.clone();
+    scene.motion = None;
+    scene.look.parts.iter_mut().for_each(|part| part.span = Span::NONE);
+    let mut text = format!("{}\n{scene:?} {:?}", print::listing(graph), graph.bounding_radius);
+    let materials = scene.look.paints().filter_map(|paint| paint.material.as_ref());
+    materials.for_each(|used| text.push_str(sources.text(used.material.text)));
     for node in &graph.nodes {
         match &node.kind {
             NodeKind::Step { step, .. } | NodeKind::Shape { step, .. } => text.push_str(sources.text(step.text)),

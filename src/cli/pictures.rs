@@ -7,12 +7,13 @@ use bulbfold::files::Target;
 use bulbfold::film::{Depth, Develop, Form, Format, Layer, Layers, PictureFile, Pictures, read_made};
 use bulbfold::graph::{Film, Scene, StereoLayout};
 use clap::Args;
+use serde::{Deserialize, Serialize};
 
 use super::output::{Content, cannot_write, check_output, not_written};
 use super::{Failure, Outcome, Session, usage};
 
 /// Where a picture goes, and in which form.
-#[derive(Args, Clone, Default, Debug)]
+#[derive(Args, Clone, Default, Serialize, Deserialize, Debug)]
 #[command(next_help_heading = "Picture")]
 pub struct OutputArgs {
     /// The picture to write; its ending names the format: png, exr, tif, jpg, webp or hdr. A folder's name with / at its end
@@ -73,6 +74,17 @@ pub struct Wanted {
 }
 
 impl OutputArgs {
+    /// All names.
+    pub fn names(&self) -> &[PathBuf] {
+        &self.output
+    }
+
+    /// The same of other names, which may replace other pictures or not.
+    #[must_use]
+    pub fn with_names(&self, names: Vec<PathBuf>, force: bool) -> OutputArgs {
+        OutputArgs { output: names, force, ..self.clone() }
+    }
+
     /// The only name; none where none is given.
     pub fn only(&self, what: &str) -> Result<Option<&PathBuf>, Failure> {
         match &self.output[..] {

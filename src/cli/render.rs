@@ -18,6 +18,7 @@ use clap::{ArgMatches, Args};
 
 use super::again::{self, Asked};
 use super::camera::flags;
+use super::farm::part::{How, PartArg};
 use super::kept::Kept;
 use super::output::{not_written, opened, refuse_both, spared};
 use super::picture_args::PictureArgs;
@@ -29,7 +30,7 @@ use super::session::{asked_files, is_stdin, refuse_plane, talk};
 use super::sweep::{self, SweepArgs};
 #[cfg(feature = "chart")]
 use super::view::{self, ViewArg};
-use super::{Failure, Outcome, Session, message, stats, usage};
+use super::{Failure, Outcome, Session, farm, message, stats, usage};
 
 /// Arguments of `render`.
 #[derive(Args, Debug)]
@@ -48,6 +49,7 @@ Examples:
   cat flower.ron | bulbfold render - -o - > flower.png
   bulbfold render box_bulb --view error --stats -o box_bulb_error.png
   bulbfold render mandelbulb --set 'plane=(center: (0, 0, 0.2), height: 2.6)' -o slice.png
+  bulbfold render bulb_job --part 3/8
   bulbfold render mandelbulb --sweep power=2..12 --sweep turn=0..90 --frames 48 -o bulb_%04d.png")]
 pub struct Arguments {
     #[command(flatten)]
@@ -62,6 +64,13 @@ pub struct Arguments {
     /// the frames that an earlier run of the same settings has made; all others are named and rendered again
     #[arg(long, conflicts_with = "view")]
     resume: bool,
+    /// Render a part of a job that `bulbfold job` has written, such as 3/96, or FRAME,TILE,SAMPLES: a part that is there is kept, and one
+    /// that was stopped goes on
+    #[arg(long, value_name = "I/N", value_parser = farm::part::parse_part)]
+    part: Option<PartArg>,
+    /// Say progress as the engines of Open Job Description read it, on stderr
+    #[arg(long, requires = "part")]
+    openjd: bool,
     /// Show the picture in the terminal, too
     #[arg(long)]
     preview: bool,
@@ -97,6 +106,21 @@ impl Arguments {
         true
     }
 
+    /// Renders a part of a job, of which everything is settled but where it is computed.
+    fn part(&self, part: PartArg, session: &mut Session) -> Outcome {
+        const OPEN: [&str; 8] = ["file", "part", "openjd", "backend", "threads", "quiet", "trust", "step_folders"];
+        // Names of groups begin with capitals.
+        let is_settled = |name: &&String| name.starts_with(char::is_lowercase) && !OPEN.contains(&name.as_str());
+        if let Some(name) = self.given.iter().find(is_settled) {
+            let text = format!("`--{}` is settled in a job", name.replace('_', "-"));
+            return Err(usage(text, "give it to `bulbfold job`"));
+        }
+        self.picture.prepare();
+        let backend = self.given.contains("backend").then(|| self.picture.backend.choice());
+        let how = How { backend, is_engine: self.openjd };
+        farm::part::run(&self.picture.formula.file, part, how, session)
+    }
+
     /// Notes which arguments were given: a picture that is rendered again keeps all else.
     pub(super) fn note_given(&mut self, matches: &ArgMatches) {
         let is_given = |id: &&clap::Id| matches.value_source(id.as_str()) == Some(ValueSource::CommandLine);
@@ -107,6 +131,9 @@ impl Arguments {
 /// Runs the command.
 pub fn run(arguments: &mut Arguments, session: &mut Session, out: &mut dyn Write) -> Outcome {
     arguments.picture.take_changes();
+    if let Some(part) = arguments.part {
+        return arguments.part(part, session);
+    }
     let files = asked_files(&arguments.picture.formula.file, &arguments.more)?;
     match &files[..] {
         [file] => {

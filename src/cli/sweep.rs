@@ -83,7 +83,7 @@ pub fn run(
     out: &mut dyn Write,
 ) -> Outcome {
     arguments.want_file("a sweep")?;
-    let names = Names::new(arguments, "a sweep")?;
+    let names = Names::new(&arguments.output, &arguments.formula.file, "a sweep")?;
     if arguments.json {
         refuse_json(&names)?;
     }

@@ -3,7 +3,7 @@
 use std::io;
 use std::ops::Range;
 
-use super::running::Part;
+use super::running::{Part, Piece};
 use super::{Backends, Done, Error, Job, Observer, Sink, running};
 use crate::film::{Layers, Rows};
 use crate::graph::{Camera, Stereo, StereoLayout};
@@ -24,11 +24,13 @@ pub(super) fn render(
     sink: &mut dyn Sink,
     observer: &mut dyn Observer,
 ) -> Result<Done, Error> {
+    let piece = |rows| Piece { rows, samples: None };
     let mut kept = Kept { layers: sink.layers(), srgb: Vec::new(), radiance: Vec::new() };
     let first =
-        running::render(backends, left, rows.clone(), &mut kept, &mut Part { observer, from: 0.0, share: 0.5 })?;
+        running::render(backends, left, piece(rows.clone()), &mut kept, &mut Part { observer, from: 0.0, share: 0.5 })?;
     let mut both = Both { left: kept, begun: [0; 2], sink };
-    let mut done = running::render(backends, right, rows, &mut both, &mut Part { observer, from: 0.5, share: 0.5 })?;
+    let mut done =
+        running::render(backends, right, piece(rows), &mut both, &mut Part { observer, from: 0.5, share: 0.5 })?;
     done.stats.add(&first.stats);
     done.stats.render += first.stats.render;
     Ok(done)
@@ -64,6 +66,10 @@ struct Both<'a> {
 impl Sink for Both<'_> {
     fn layers(&self) -> Layers {
         self.sink.layers()
+    }
+
+    fn begin(&mut self, backend: &str) {
+        self.sink.begin(backend);
     }
 
     fn push(&mut self, mut rows: Rows) -> io::Result<()> {

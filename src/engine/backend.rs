@@ -22,6 +22,8 @@ const MOST_REBUILDS: u32 = 2;
 pub trait Work {
     /// What comes out.
     type Output;
+    /// Is told the back end that does it, in words: what its results follow from. Comes before [`Work::run`].
+    fn begin(&mut self, _backend: &str) {}
     /// Does it; may be called again, on this back end opened anew or on another one, if this one fails, and then goes on at
     /// what is done. `kernels` has those of earlier work.
     fn run<B: Backend>(
@@ -152,6 +154,7 @@ impl Backends {
     ) -> Result<(String, W::Output), Error> {
         let cpu = Cpu::new(precision);
         let kept = &self.cpu[usize::from(precision == Precision::F64)];
+        work.begin(&cpu.arithmetic());
         // Work that finds the kernels in use compiles its own.
         let output = match kept.try_lock() {
             Ok(mut kernels) => work.run(&cpu, &mut kernels, observer)?,
@@ -189,6 +192,7 @@ impl Backends {
         }
         let opened = slot.as_mut()?;
         let name = format!("gpu, f32, {}", opened.gpu.adapter().name);
+        work.begin(&name);
         let rebuild = |opened: &mut Opened| {
             opened.kernels.forget();
             opened.gpu.rebuild()

@@ -3,7 +3,7 @@
 use std::io;
 use std::ops::Range;
 
-use super::running::Part;
+use super::running::{Part, Piece};
 use super::{Backends, Done, Error, Job, Observer, Request, Sink, running};
 use crate::film::{Develop, Developer, GUIDES, Layers, Radiance, Rows, denoise};
 use crate::graph::Lens;
@@ -28,15 +28,16 @@ pub(super) fn render(
     observer: &mut dyn Observer,
 ) -> Result<Done, Error> {
     let size = job.size();
+    let whole = || Piece { rows: job.rows(), samples: None };
     let mut light = Radiance::new(size);
     let noisy = job.with_request(job.formula.clone(), Request { denoise: false, ..job.request.clone() });
     let mut part = Part { observer, from: 0.0, share: OF_PATHS };
-    let done = running::render(backends, &noisy, job.rows(), &mut light, &mut part)?;
+    let done = running::render(backends, &noisy, whole(), &mut light, &mut part)?;
     let straight = Request { denoise: false, path: None, layers: GUIDES, ..job.request.clone() };
     let mut guides = Guides(Vec::new());
     let mut part = Part { observer, from: OF_PATHS, share: 1.0 - OF_PATHS };
     let surfaces = job.with_request(job.formula.clone(), straight);
-    running::render(backends, &surfaces, job.rows(), &mut guides, &mut part)?;
+    running::render(backends, &surfaces, whole(), &mut guides, &mut part)?;
     denoise(size, &mut light.rgb, &guides.0, pixel_angle(job));
     push(job, &light.rgb, rows, sink).map_err(Error::Sink)?;
     Ok(done)

@@ -28,6 +28,7 @@ pub mod path;
 mod recipe;
 mod request;
 mod running;
+mod samples;
 mod settle;
 mod sink;
 
@@ -44,6 +45,7 @@ pub use observer::{Cancel, Observer, Stage};
 pub use recipe::{Recipe, changed};
 pub use request::{BackendChoice, MOST_EDGE, MOST_SAMPLES, Request};
 pub use running::{Done, Running};
+pub use samples::JoinedSamples;
 pub use settle::{Settled, Settling, Viewed};
 pub use sink::Sink;
 
@@ -173,7 +175,7 @@ impl Engine {
         match anaglyph::eyes(job) {
             Some(eyes) => anaglyph::render(&self.backends, &eyes, rows, sink, observer),
             None if denoised::is_asked(job) => denoised::render(&self.backends, job, rows, sink, observer),
-            None => running::render(&self.backends, job, rows, sink, observer),
+            None => running::render(&self.backends, job, running::Piece { rows, samples: None }, sink, observer),
         }
     }
 

@@ -19,10 +19,18 @@ pub struct Done {
     pub stats: Stats,
 }
 
+/// What is rendered of a job.
+pub(super) struct Piece {
+    pub rows: Range<u32>,
+    /// Of pictures of paths: the samples; all without it.
+    pub samples: Option<Range<u32>>,
+}
+
 /// Rows, and how many of them the sink has.
 struct Rows<'a> {
     composed: Arc<Composed>,
     rows: Range<u32>,
+    samples: Option<Range<u32>>,
     sink: &'a mut dyn Sink,
     /// Why the sink took no more.
     refused: Option<std::io::Error>,
@@ -31,6 +39,10 @@ struct Rows<'a> {
 
 impl Work for Rows<'_> {
     type Output = Stats;
+
+    fn begin(&mut self, backend: &str) {
+        self.sink.begin(backend);
+    }
 
     fn run<B: Backend>(
         &mut self,
@@ -41,6 +53,9 @@ impl Work for Rows<'_> {
         let Composed { arena, settings, pipeline, .. } = &*self.composed;
         let prepare = |name: &'static str, kernel: &Kernel| kernels.prepare(backend, name, arena, kernel);
         let mut renderer = Renderer::with(backend, arena, pipeline, settings, prepare)?;
+        if let Some(samples) = &self.samples {
+            renderer.take_samples(samples.clone());
+        }
         let bytes = 3 * settings.size.width as usize;
         let (rows, sink) = (&mut self.rows, &mut *self.sink);
         let (refused, is_cancelled) = (&mut self.refused, &mut self.is_cancelled);
@@ -67,7 +82,7 @@ impl Work for Rows<'_> {
 pub(super) fn render(
     backends: &Backends,
     job: &Job,
-    rows: Range<u32>,
+    Piece { rows, samples }: Piece,
     sink: &mut dyn Sink,
     observer: &mut dyn Observer,
 ) -> Result<Done, Error> {
@@ -85,7 +100,7 @@ pub(super) fn render(
         return Err(Error::request("a picture of paths of light has no layers", "leave `path` or the layers out"));
     }
     let composed = job.composed()?.clone();
-    let mut work = Rows { composed, rows, sink, refused: None, is_cancelled: false };
+    let mut work = Rows { composed, rows, samples, sink, refused: None, is_cancelled: false };
     let (backend, stats) = backends.run(job.request.backend, job.precision, &mut work, observer)?;
     match (work.refused, work.is_cancelled) {
         (Some(error), _) => Err(Error::Sink(error)),

@@ -16,6 +16,10 @@ pub trait Sink: Send {
         None
     }
 
+    /// Is told the back end of the next rows, in words: what they follow from besides the job. Comes before the first of them, and
+    /// where another one takes over.
+    fn begin(&mut self, _backend: &str) {}
+
     /// Takes the next rows.
     ///
     /// Errors end the render, which then has [`Error::Sink`](super::Error::Sink).

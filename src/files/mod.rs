@@ -25,7 +25,7 @@ mod temporary;
 
 pub use self::output::{Output, write};
 pub use self::owner::is_foreign;
-pub use self::pieces::Pieces;
+pub use self::pieces::{Pieces, PiecesReader};
 pub use self::read::{Chosen, MAX_TEXT, open_file, read_bytes, read_text};
 pub use self::signals::clean_up_on_signals;
 pub use self::target::{FileId, STDOUT, Target};

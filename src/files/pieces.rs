@@ -1,7 +1,7 @@
 //! A file that grows piece by piece: work that is to outlive its process.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, Read, Seek, Write};
+use std::io::{self, BufRead, BufReader, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use flate2::Crc;
@@ -66,12 +66,7 @@ impl Pieces {
     fn whole_piece(&mut self) -> Option<Vec<u8>> {
         let mut head = [0; 8];
         self.file.read_exact(&mut head).ok()?;
-        let (length, sum) = head.split_at(4);
-        let number = |bytes: &[u8]| bytes.try_into().map(u32::from_le_bytes).ok();
-        let length = number(length).filter(|length| *length <= MOST)?;
-        let mut piece = Vec::new();
-        (&self.file).take(u64::from(length)).read_to_end(&mut piece).ok()?;
-        (piece.len() == length as usize && number(sum)? == checksum(&piece)).then_some(piece)
+        body(&mut &self.file, head)
     }
 
     /// Adds a piece after those that were read; those that were not are lost.
@@ -95,6 +90,58 @@ impl Pieces {
     pub fn remove(self) -> io::Result<()> {
         std::fs::remove_file(&self.path)
     }
+
+    /// Gives the file its final name, in the same folder, in place of what is there.
+    pub fn rename(self, path: &Path) -> io::Result<()> {
+        self.file.sync_all()?;
+        std::fs::rename(&self.path, path)
+    }
+}
+
+/// What follows a piece's head, of its length and checksum; nothing where it is cut off or damaged.
+fn body(file: &mut impl Read, head: [u8; 8]) -> Option<Vec<u8>> {
+    let (length, sum) = head.split_at(4);
+    let number = |bytes: &[u8]| bytes.try_into().map(u32::from_le_bytes).ok();
+    let length = number(length).filter(|length| *length <= MOST)?;
+    let mut piece = Vec::new();
+    file.take(u64::from(length)).read_to_end(&mut piece).ok()?;
+    (piece.len() == length as usize && number(sum)? == checksum(&piece)).then_some(piece)
+}
+
+/// Longest line that a file of pieces begins with, in bytes.
+const MOST_HEAD: u64 = 4096;
+
+/// Reads the pieces of a file that is whole, and leaves it as it is.
+pub struct PiecesReader {
+    file: BufReader<File>,
+}
+
+impl PiecesReader {
+    /// Opens a file; gives the line that it begins with, without its end.
+    ///
+    /// Errors: what the system says; anything but a regular file, or one without such a line.
+    pub fn open(path: &Path) -> io::Result<(PiecesReader, String)> {
+        let mut file = BufReader::new(super::open_file(path, super::Chosen::Found)?);
+        let mut head = Vec::new();
+        (&mut file).take(MOST_HEAD).read_until(b'\n', &mut head)?;
+        match (head.pop(), String::from_utf8(head)) {
+            (Some(b'\n'), Ok(head)) => Ok((PiecesReader { file }, head)),
+            _ => Err(io::Error::other("it does not begin as it should")),
+        }
+    }
+
+    /// The next piece; nothing at the end.
+    ///
+    /// Errors: what the system says; a piece that is cut off or damaged.
+    pub fn next_piece(&mut self) -> io::Result<Option<Vec<u8>>> {
+        if self.file.fill_buf()?.is_empty() {
+            return Ok(None);
+        }
+        let damaged = || io::Error::other("it is cut off or damaged");
+        let mut head = [0; 8];
+        self.file.read_exact(&mut head).map_err(|_| damaged())?;
+        body(&mut self.file, head).map(Some).ok_or_else(damaged)
+    }
 }
 
 fn checksum(bytes: &[u8]) -> u32 {
@@ -105,7 +152,7 @@ fn checksum(bytes: &[u8]) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::Pieces;
+    use super::{Pieces, PiecesReader};
 
     #[test]
     fn what_was_cut_off_is_not_there() {
@@ -134,6 +181,17 @@ mod tests {
             drop(pieces);
             assert_eq!(all(b"head").1.last().unwrap(), b"end");
         }
+        std::fs::write(&path, &whole).unwrap();
+        let (mut other, head) = {
+            std::fs::write(&path, [b"\n", &whole[4..]].concat()).unwrap();
+            PiecesReader::open(&path).unwrap()
+        };
+        assert_eq!(head, "");
+        assert!([b"one", b"two"].iter().all(|piece| other.next_piece().unwrap().as_deref() == Some(*piece)));
+        assert!(other.next_piece().unwrap().is_none());
+        std::fs::write(&path, [b"\n", &whole[4..whole.len() - 1]].concat()).unwrap();
+        let (mut other, _) = PiecesReader::open(&path).unwrap();
+        assert!(other.next_piece().is_ok() && other.next_piece().is_err());
         std::fs::write(&path, &whole).unwrap();
         let (pieces, found, was_other) = all(b"tail");
         assert!(found.is_empty() && was_other);

@@ -4,6 +4,8 @@ use std::io;
 use std::path::Path;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 use super::develop::Develop;
 use super::encoded::Developer;
 use super::layers::{Layer, Layers, Rows};
@@ -95,7 +97,7 @@ impl Format {
 }
 
 /// Bits of a developed number.
-#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default, Serialize, Deserialize)]
 pub enum Depth {
     /// A byte.
     #[default]

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::LightSum;
 use crate::shade::Size;
 
 /// What may be kept of each pixel.
@@ -198,6 +199,8 @@ pub struct Rows {
     pub layers: Layers,
     /// The other layers that are wanted: all numbers of a pixel after each other, in the order of [`Layer::ALL`].
     pub data: Vec<f32>,
+    /// The sum of each pixel's samples, where a part of a picture's samples was asked for; its colours are those of that part.
+    pub sums: Vec<LightSum>,
 }
 
 impl Rows {

@@ -11,6 +11,7 @@ mod formats;
 #[cfg_attr(not(feature = "formats"), allow(dead_code))]
 mod icc;
 mod layers;
+mod light_sum;
 mod made;
 #[cfg(feature = "formats")]
 mod movie;
@@ -28,6 +29,7 @@ pub(crate) use self::encoded::Developer;
 pub use self::file::{Depth, Form, Format, PictureFile, Pictures};
 pub use self::flicker::{Flicker, Sight, flicker};
 pub use self::layers::{Layer, Layers, Radiance, Rows};
+pub use self::light_sum::LightSum;
 pub use self::made::{MadePng, read_png, read_png_bytes};
 #[cfg(feature = "formats")]
 pub use self::movie::{Movie, MovieForm, MovieFormat};

@@ -3,7 +3,7 @@
 use super::layers::{Layers, Rows};
 
 impl Rows {
-    /// All of it as bytes.
+    /// All of it as bytes, but sums of samples.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(12 + self.srgb.len() + 4 * (self.radiance.len() + self.data.len()));
         for length in [self.srgb.len(), self.radiance.len(), self.data.len()] {
@@ -33,6 +33,7 @@ impl Rows {
             radiance: numbers(radiance),
             layers,
             data: numbers(data),
+            ..Rows::default()
         })
     }
 }
@@ -44,7 +45,13 @@ mod tests {
     #[test]
     fn rows_come_back_as_they_were() {
         let layers = Layers::NONE.and(Layer::Depth);
-        let rows = Rows { srgb: vec![1, 2, 3, 4, 5, 6], radiance: vec![0.5; 6], layers, data: vec![7.0, f32::MAX] };
+        let rows = Rows {
+            srgb: vec![1, 2, 3, 4, 5, 6],
+            radiance: vec![0.5; 6],
+            layers,
+            data: vec![7.0, f32::MAX],
+            ..Rows::default()
+        };
         let bytes = rows.to_bytes();
         assert_eq!(Rows::from_bytes(&bytes, layers), Some(rows));
         assert_eq!(Rows::from_bytes(&bytes, Layers::NONE), None);

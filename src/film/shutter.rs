@@ -13,6 +13,8 @@ pub struct Shutter {
     wanted: Layers,
     developer: Developer,
     width: u32,
+    /// The row of the picture that its first row is.
+    top: u32,
     pictures: u32,
     /// Pixels of the picture that is open.
     pixels: usize,
@@ -20,13 +22,13 @@ pub struct Shutter {
 }
 
 impl Shutter {
-    /// A shutter for a picture's file.
+    /// A shutter for a picture's file, or for its rows from `top` on.
     ///
     /// Errors: the film cannot be compiled.
-    pub fn new(form: &Form) -> io::Result<Shutter> {
+    pub fn new(form: &Form, top: u32) -> io::Result<Shutter> {
         let developer = Developer::new(Develop::of(&form.film, form.kind), form.film.dither)?;
         let wanted = form.wanted().and(Layer::Radiance);
-        Ok(Shutter { wanted, developer, width: form.size.width, pictures: 0, pixels: 0, sum: Rows::default() })
+        Ok(Shutter { wanted, developer, width: form.size.width, top, pictures: 0, pixels: 0, sum: Rows::default() })
     }
 
     /// What it wants of each pixel.
@@ -76,7 +78,7 @@ impl Shutter {
         for pixel in self.sum.data.chunks_exact_mut(averaged.len().max(1)) {
             pixel.iter_mut().zip(&averaged).filter(|(_, averaged)| **averaged).for_each(|(x, _)| *x *= share);
         }
-        let bytes = self.developer.develop(&self.sum.radiance, 255, (self.width, 0))?;
+        let bytes = self.developer.develop(&self.sum.radiance, 255, (self.width, self.top))?;
         self.sum.srgb = bytes.into_iter().map(|byte| byte as u8).collect();
         Ok(self.sum)
     }

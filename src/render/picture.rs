@@ -97,7 +97,7 @@ impl<B: Backend> Renderer<'_, B> {
         let left = f64::from(end.saturating_sub(first));
         let pixels = f64::from(width) * left;
         let meter = match &self.tracer {
-            Some(tracer) => Meter::new(progress, pixels * f64::from(tracer.samples()), 1),
+            Some(tracer) => Meter::new(progress, pixels * f64::from(tracer.count()), 1),
             None => Meter::new(progress, pixels, self.samples.len()),
         };
         // Rows of a band, and those above and below it.
@@ -151,7 +151,7 @@ impl<B: Backend> Renderer<'_, B> {
         self.second_pass(band, (seen, &refined), (&mut rgb, &mut light, &mut data), meter, stats)?;
         seen.forget_before(end - 1);
         let layers = self.data.as_ref().map_or(Layers::NONE, |kept| kept.layers);
-        Ok(Rows { srgb: rgb.into_flattened(), radiance: light.into_flattened(), layers, data })
+        Ok(Rows { srgb: rgb.into_flattened(), radiance: light.into_flattened(), layers, data, ..Rows::default() })
     }
 
     /// Gives the pixels of a band the colours of their first samples, and says which need the others, tile by tile.

@@ -9,7 +9,7 @@ use super::mirrored::Mirror;
 use super::passes::{self, Chain, Pass, Role, Slot};
 use super::pixels::{Pixels, bytes, sample_offsets};
 use super::traced::Tracer;
-use super::{Pipeline, RenderSettings, Sampling, Shape, Stats};
+use super::{Developed, Pipeline, RenderSettings, Sampling, Shape, Stats};
 use crate::film::{Tile, Window};
 use crate::kernel::records::Marched;
 use crate::kernel::{Backend, BackendError, Batch, Kernel, Results, Status, Wanted};
@@ -141,17 +141,19 @@ impl<'b, B: Backend> Renderer<'b, B> {
         let trial = start.elapsed();
         shape.tiles = shape.tiles.filter(|_| hold);
         let prepare = |role: Role| prepare(role.name(), pipeline.kernel(role));
-        let mut renderer = Renderer::with_kernels(backend, settings, &shape, prepare)?;
+        let developed = || Developed::new(arena, pipeline.kernel(Role::Encode), settings.precision);
+        let developed = settings.path.map(|_| developed()).transpose()?;
+        let mut renderer = Renderer::with_kernels(backend, settings, (&shape, developed), prepare)?;
         renderer.stats.are_beams_wrong = !hold;
         renderer.stats.compile += trial;
         Ok(renderer)
     }
 
-    /// A renderer of passes whose kernels `prepare` makes ready by their roles.
-    pub fn with_kernels(
+    /// A renderer of passes whose kernels `prepare` makes ready by their roles; `developed` makes bytes of light along paths.
+    fn with_kernels(
         backend: &'b B,
         settings: &RenderSettings,
-        shape: &Shape,
+        (shape, developed): (&Shape, Option<Developed>),
         mut prepare: impl FnMut(Role) -> Result<B::Prepared, BackendError>,
     ) -> Result<Self, BackendError> {
         let start = Instant::now();
@@ -179,7 +181,9 @@ impl<'b, B: Backend> Renderer<'b, B> {
                 Some((Beams::new(tiles, &shape.passes, &mut prepare)?, background))
             }
         };
-        let tracer = settings.path.map(|path| Tracer::new(&shape.passes, path, &mut prepare)).transpose()?;
+        let tracer = settings.path.zip(developed);
+        let tracer =
+            tracer.map(|(path, developed)| Tracer::new(&shape.passes, path, developed, &mut prepare)).transpose()?;
         let batch = backend.batch();
         let mut renderer = Renderer {
             backend,

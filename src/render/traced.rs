@@ -1,12 +1,15 @@
 //! Pictures of paths of light: sample after sample of a tile's pixels, each followed from surface to surface.
 
+use std::ops::Range;
+
+use super::developed::Developed;
 use super::meter::Meter;
 use super::passes::{Chain, Pass, Passes, Role, Slot};
 use super::picture::Halt;
-use super::pixels::{Pixels, bytes};
+use super::pixels::Pixels;
 use super::renderer::timed;
 use super::{PathTracing, Renderer, Stats};
-use crate::film::{Rows, Tile, windows};
+use crate::film::{LightSum, Rows, Tile, windows};
 use crate::kernel::records::{Marched, Path, Random};
 use crate::kernel::{Backend, BackendError};
 use crate::shade::first_path;
@@ -19,6 +22,10 @@ pub(super) struct Tracer<B: Backend> {
     /// Rays to those through the opening of the lens, where it is open.
     blur: Option<Chain<B>>,
     settings: PathTracing,
+    /// The samples that are taken, where not all are.
+    part: Option<Range<u32>>,
+    /// Makes bytes of the light.
+    developed: Developed,
     /// Whether lights are marched to.
     has_lights: bool,
 }
@@ -29,14 +36,14 @@ const LEAST_SAMPLES: u32 = 16;
 /// The sums of a pixel's samples.
 #[derive(Clone, Copy, Default)]
 struct Sum {
-    radiance: [f64; 3],
+    light: LightSum,
     /// Sum of the squares of the samples' brightness, as the film shows it.
     squares: f64,
     shown: f64,
 }
 
-/// A pixel's place and its light.
-type Lit = ((u32, u32), [f32; 3]);
+/// A pixel's place, and its light: the mean of its samples and, where a part of them is taken, their sum.
+type Lit = ((u32, u32), ([f32; 3], LightSum));
 
 /// How bright a sample looks: compressed, so that a bright spot counts as what it shows.
 fn brightness(radiance: [f64; 3]) -> f64 {
@@ -46,7 +53,7 @@ fn brightness(radiance: [f64; 3]) -> f64 {
 
 impl Sum {
     fn add(&mut self, radiance: [f64; 3]) {
-        (0..3).for_each(|k| self.radiance[k] += radiance[k]);
+        self.light.add(radiance);
         let shown = brightness(radiance);
         self.shown += shown;
         self.squares += shown * shown;
@@ -73,6 +80,7 @@ impl<B: Backend> Tracer<B> {
     pub fn new(
         passes: &Passes<()>,
         settings: PathTracing,
+        developed: Developed,
         prepare: &mut impl FnMut(&Pass<()>) -> Result<B::Prepared, BackendError>,
     ) -> Result<Tracer<B>, BackendError> {
         let given = [Slot::Rays, Slot::Ends, Slot::Paths, Slot::Randoms];
@@ -84,12 +92,17 @@ impl<B: Backend> Tracer<B> {
         let inner = has_inner.then(|| Chain::new(passes, &ends, &[Slot::JoinedEnds], &mut *prepare)).transpose()?;
         let has_blur = passes.get(Role::Blur).is_some();
         let blur = has_blur.then(|| Chain::new(passes, &[Slot::Rays, Slot::LensPoints], &[Slot::BlurredRays], prepare));
-        Ok(Tracer { point, inner, blur: blur.transpose()?, settings, has_lights })
+        Ok(Tracer { point, inner, blur: blur.transpose()?, settings, part: None, developed, has_lights })
     }
 
-    /// Paths through a pixel at most.
-    pub fn samples(&self) -> u32 {
-        self.settings.samples.max(1)
+    /// The samples that are taken at most.
+    fn samples(&self) -> Range<u32> {
+        self.part.clone().unwrap_or(0..self.settings.samples.max(1))
+    }
+
+    /// How many they are.
+    pub fn count(&self) -> u32 {
+        self.samples().len() as u32
     }
 }
 
@@ -107,10 +120,17 @@ fn randoms(pixels: &[(u32, u32)], sample: u32, bounce: u32, seed: u32) -> Vec<Ve
 }
 
 impl<B: Backend> Renderer<'_, B> {
+    /// Follows these paths of each pixel alone, of all that the settings ask for, and gives their sums.
+    pub fn take_samples(&mut self, part: Range<u32>) {
+        if let Some(tracer) = &mut self.tracer {
+            tracer.part = Some(part);
+        }
+    }
+
     /// The rows of a band whose pixels are seen along paths of light.
     pub(super) fn traced(&self, band: Tile, meter: &Meter, stats: &mut Stats) -> Result<Rows, Halt> {
         let Some(tracer) = &self.tracer else { return Ok(Rows::default()) };
-        let mut light = vec![[0.0_f32; 3]; band.count()];
+        let mut light = vec![<([f32; 3], LightSum)>::default(); band.count()];
         let tiles = windows(band, &mut light, self.cut.tile);
         let is_stopped = || meter.is_stopped();
         self.in_parts(tiles, meter, stats, |mut window, part| {
@@ -118,16 +138,16 @@ impl<B: Backend> Renderer<'_, B> {
                 let starts = self.starts(window.tile, part)?;
                 Pixels::of_tile(window.tile, &starts)
             };
-            meter.advance(empty.count * tracer.samples() as usize);
-            for (place, rgb) in self.empty_light(&empty, part)? {
-                window.set(place, rgb);
+            meter.advance(empty.count * tracer.count() as usize);
+            for (place, lit) in self.empty_light(&empty, tracer.count(), part)? {
+                window.set(place, lit);
             }
             let mut told = |count: usize| {
                 meter.advance(count);
                 !is_stopped()
             };
-            for (place, rgb) in self.traced_light(&some, tracer, &mut told, part)? {
-                window.set(place, rgb);
+            for (place, lit) in self.traced_light(&some, tracer, &mut told, part)? {
+                window.set(place, lit);
             }
             Ok(())
         })?;
@@ -135,19 +155,24 @@ impl<B: Backend> Renderer<'_, B> {
         if meter.is_stopped() {
             return Err(Halt::Stopped);
         }
-        let srgb = self.developed(&light).map_err(Halt::Failed)?;
+        let (light, sums): (Vec<[f32; 3]>, Vec<LightSum>) = light.into_iter().unzip();
+        let srgb = tracer.developed.bytes(&light).map_err(Halt::Failed)?;
         let radiance = if self.keeps_radiance { light.into_flattened() } else { Vec::new() };
-        Ok(Rows { srgb, radiance, ..Rows::default() })
+        let sums = if tracer.part.is_some() { sums } else { Vec::new() };
+        Ok(Rows { srgb, radiance, sums, ..Rows::default() })
     }
 
-    /// The light of pixels where beams found nothing.
-    fn empty_light(&self, pixels: &Pixels, stats: &mut Stats) -> Result<Vec<Lit>, BackendError> {
+    /// The light of pixels where beams found nothing: all of `count` samples see the same.
+    fn empty_light(&self, pixels: &Pixels, count: u32, stats: &mut Stats) -> Result<Vec<Lit>, BackendError> {
         let Some(background) = self.background().filter(|_| pixels.count > 0) else { return Ok(Vec::new()) };
         stats.rays += pixels.count as u64;
         let points = pixels.points(&[[0.5; 2]]);
         let colours = background.write(self.backend, Slot::Points, &points, Slot::Backgrounds)?;
         let found = self.backend.download(&colours)?;
-        let light = |i: usize| [0, 1, 2].map(|k| found[k][i] as f32);
+        let light = |i: usize| {
+            let sum = LightSum::of_equal([0, 1, 2].map(|k| found[k][i]), count);
+            (sum.mean(count), sum)
+        };
         Ok(pixels.places().enumerate().map(|(i, place)| (place, light(i))).collect())
     }
 
@@ -161,10 +186,10 @@ impl<B: Backend> Renderer<'_, B> {
     ) -> Result<Vec<Lit>, BackendError> {
         let places: Vec<(u32, u32)> = pixels.places().collect();
         let mut sums = vec![Sum::default(); places.len()];
-        let (most, noise) = (tracer.samples(), tracer.settings.noise);
+        let (first, most, noise) = (tracer.samples().start, tracer.count(), tracer.settings.noise);
         let mut count = 0;
         while count < most && !places.is_empty() {
-            let found = self.sample_paths(pixels, &places, (tracer, count), stats)?;
+            let found = self.sample_paths(pixels, &places, (tracer, first + count), stats)?;
             let radiance = Path::COLUMNS.radiance;
             for (i, sum) in sums.iter_mut().enumerate() {
                 sum.add([0, 1, 2].map(|k| found[radiance + k][i]));
@@ -177,8 +202,8 @@ impl<B: Backend> Renderer<'_, B> {
             }
         }
         told(places.len() * (most - count) as usize);
-        let scale = 1.0 / f64::from(count.max(1));
-        Ok(places.into_iter().zip(sums).map(|(place, sum)| (place, sum.radiance.map(|x| (x * scale) as f32))).collect())
+        let lit = |sum: Sum| (sum.light.mean(count), sum.light);
+        Ok(places.into_iter().zip(sums).map(|(place, sum)| (place, lit(sum))).collect())
     }
 
     /// Follows one path through each pixel. Gives columns of [`Path`].
@@ -237,14 +262,6 @@ impl<B: Backend> Renderer<'_, B> {
             }
         }
         self.backend.download(&paths)
-    }
-
-    /// Linear colours to bytes of sRGB.
-    fn developed(&self, light: &[[f32; 3]]) -> Result<Vec<u8>, BackendError> {
-        let columns: Vec<Vec<f64>> = (0..3).map(|k| light.iter().map(|rgb| f64::from(rgb[k])).collect()).collect();
-        let encoded = self.encoded(&self.backend.upload(&columns)?)?;
-        let srgb = self.backend.download(&encoded)?;
-        Ok(srgb[0].iter().flat_map(|&srgb| bytes(srgb)).collect())
     }
 }
 

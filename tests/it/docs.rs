@@ -12,8 +12,12 @@ use bulbfold::load::load_text;
 use crate::support::{bulbfold, folder, stderr, success};
 
 /// Pages of people whose files and commands are followed from top to bottom, each in an empty folder.
-const TUTORIALS: &[&str] =
-    &["docs/tutorials/first_formula.md", "docs/tutorials/first_hybrid.md", "docs/tutorials/why_holes.md"];
+const TUTORIALS: &[&str] = &[
+    "docs/farm.md",
+    "docs/tutorials/first_formula.md",
+    "docs/tutorials/first_hybrid.md",
+    "docs/tutorials/why_holes.md",
+];
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -307,6 +311,13 @@ fn follow(page: &str, folder: &Path, line: &str) {
 fn quick<'a>(words: &[&'a str]) -> Vec<&'a str> {
     let mut quick = words.to_vec();
     match words[0] {
+        // All of a part is settled in its job.
+        "render" if words.contains(&"--part") => {}
+        "job" => {
+            put(&mut quick, "--size", "32x24");
+            put(&mut quick, "--samples", "1");
+            put(&mut quick, "--calibrate", "off");
+        }
         "render" => {
             put(&mut quick, "--size", "32x24");
             if words.contains(&"--frames") {

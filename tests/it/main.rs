@@ -29,6 +29,7 @@ mod exchange;
 #[cfg(feature = "chart")]
 mod explore;
 mod expressions;
+mod farm;
 mod film;
 mod films;
 mod find;

@@ -109,6 +109,19 @@ impl Cpu {
         self.precision
     }
 
+    /// What results follow from besides the kernel: precision and instruction set. Functions such as sines may differ in their last bits
+    /// between instruction sets, and nothing else does.
+    pub fn arithmetic(&self) -> String {
+        // The level's debug text is its name and then its token.
+        let level = format!("{:?}", self.level);
+        let name = match level.split('(').next().unwrap_or_default() {
+            "Avx512" => "AVX-512",
+            "Avx2" => "AVX2",
+            other => other,
+        };
+        format!("cpu, {}, {name}", self.precision.name())
+    }
+
     /// The instruction set in use and the number of rays that a vector holds, or a pack of the interpreter.
     pub fn description(&self) -> String {
         let precision = self.precision.name();
