@@ -27,7 +27,7 @@ impl Cavity {
     /// Errors: the back end's; a wall that is thinner than two of the grid's cells.
     pub fn new(grid: &Grid, body: &dyn Field, wall: f64, progress: &mut Progress) -> Result<Cavity, Trouble> {
         let edge = (0..3).map(|k| grid.region.high[k] - grid.region.low[k]).fold(0.0, f64::max);
-        let cells = (edge / wall * ACROSS).min(MOST).min(edge / grid.cell).max(4.0);
+        let cells = (edge / wall * ACROSS).clamp(4.0, MOST);
         if wall < 2.0 * edge / cells {
             return Err(Trouble::Refused {
                 text: format!("a wall of {wall:.3e} is too thin for cells of {:.3e}", edge / cells),
