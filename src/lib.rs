@@ -30,7 +30,7 @@
 //! 8. [`load`] and [`render`] join the stages, [`precision`] says which one a view needs; [`check`] tests formulas and
 //!    measures estimates, [`calibrate`] chooses by what was measured, `chart` draws it and `view` shows it pixel by pixel. [`engine`]
 //!    joins all of it.
-//! 9. [`exchange`]: settings of other programs in, distance functions for other programs out.
+//! 9. [`exchange`]: settings of other programs in, distance functions for other programs out. [`mesh`]: surfaces and volumes as files.
 //!
 //! Testing a formula of your own takes a few lines:
 //!
@@ -67,6 +67,7 @@ pub mod load;
 pub mod march;
 pub mod math;
 pub mod memory;
+pub mod mesh;
 pub mod motion;
 pub mod precision;
 pub mod render;

@@ -51,6 +51,7 @@ mod look;
 mod manifest;
 mod matter;
 mod matter_pages;
+mod mesh;
 mod moments;
 mod new;
 mod notation;
@@ -74,6 +75,8 @@ mod sheet;
 mod shell;
 mod show;
 mod sizes;
+mod slices;
+mod solid;
 mod stats;
 mod sweep;
 mod taken;
@@ -82,6 +85,7 @@ mod truth;
 mod truth_table;
 #[cfg(feature = "chart")]
 mod vary;
+mod vdb;
 mod version;
 #[cfg(feature = "chart")]
 mod view;
@@ -180,6 +184,10 @@ enum Command {
     New(new::Arguments),
     /// Write a formula's distance estimate for other programs: WGSL, GLSL, Shadertoy, Fragmentarium, HLSL, MSL, SPIR-V.
     Export(export::Arguments),
+    /// Write a fractal's surface as triangles: PLY, OBJ, STL, glTF or 3MF.
+    Mesh(Box<mesh::Arguments>),
+    /// Write a fractal's body as a volume: pictures of slices, numbers, OpenVDB.
+    Slices(Box<slices::Arguments>),
     /// Make a graph file from settings of Mandelbulber, Mandelbulb3D or Fragmentarium.
     Import(import::Arguments),
     /// March sampled rays of a view with proofs, and report where its estimate was wrong.
@@ -313,6 +321,8 @@ fn run(cli: &mut Cli, out: &mut dyn Write) -> Outcome {
         Command::Show(arguments) => show::run(arguments, out),
         Command::New(arguments) => new::run(arguments),
         Command::Export(arguments) => export::run(arguments, &mut session()?, out),
+        Command::Mesh(arguments) => mesh::run(arguments, &mut session()?, out),
+        Command::Slices(arguments) => slices::run(arguments, &mut session()?, out),
         Command::Import(arguments) => import::run(arguments, &mut session()?),
         Command::Audit(arguments) => audit::run(arguments, &mut session()?, out),
         #[cfg(feature = "chart")]

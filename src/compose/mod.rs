@@ -37,6 +37,7 @@ pub use maps::scalar_rules;
 pub use measure::compose_growth;
 pub use parts::{IterationParts, Part, iteration_parts};
 pub use reach::Reach;
+pub(crate) use reach::empty_balls;
 
 use std::sync::Arc;
 

@@ -211,6 +211,11 @@ pub(super) fn has_rounded_seams(composer: &Composer) -> bool {
     false
 }
 
+/// A kernel that gives radii of balls that are proven empty, as far as a query's `h` says; `None` where some part has no proofs.
+pub(crate) fn empty_balls(composer: &Composer, choices: &[Choice]) -> ComposeResult<Option<Kernel>> {
+    proofs(composer, choices, None)
+}
+
 /// A kernel that gives radii of balls that are proven empty, where every part of the field has proofs. `extent` is that of the
 /// orbits, in world units; without it each keeps its own.
 pub(super) fn proofs(composer: &Composer, choices: &[Choice], extent: Option<f64>) -> ComposeResult<Option<Kernel>> {

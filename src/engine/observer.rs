@@ -12,6 +12,8 @@ pub enum Stage {
     Calibrating,
     /// Pixels are computed.
     Rendering,
+    /// Points of a mesh or a volume are computed.
+    Meshing,
 }
 
 /// Receives the progress of work. Every method has a default that does nothing, and `()` observes nothing.

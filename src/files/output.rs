@@ -31,6 +31,30 @@ impl Output {
         Ok(Output { kind })
     }
 
+    /// Writes other bytes over some that are there, from so many bytes after the beginning; what is written next goes to the end as before.
+    ///
+    /// Errors: what the system says; bytes that are not there.
+    pub fn overwrite(&mut self, from: u64, bytes: &[u8]) -> io::Result<()> {
+        match &mut self.kind {
+            Unfinished::Stream(all, _) => {
+                let place =
+                    usize::try_from(from).ok().and_then(|from| all.get_mut(from..from.checked_add(bytes.len())?));
+                place.ok_or_else(|| io::Error::other("there are no bytes to write over"))?.copy_from_slice(bytes);
+                Ok(())
+            }
+            Unfinished::File(temporary, _) => {
+                let mut file = &temporary.file;
+                let end = file.stream_position()?;
+                if from + bytes.len() as u64 > end {
+                    return Err(io::Error::other("there are no bytes to write over"));
+                }
+                file.seek(io::SeekFrom::Start(from))?;
+                file.write_all(bytes)?;
+                file.seek(io::SeekFrom::Start(end)).map(|_| ())
+            }
+        }
+    }
+
     /// Passes the bytes on, or gives the file its name. A file that is replaced leaves its mode and owner to the new one.
     ///
     /// Errors: what the system says; something that has come under a free name meanwhile and is no file. The target then is what it was.

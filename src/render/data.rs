@@ -1,13 +1,13 @@
 //! What pictures keep of their pixels besides colours: the pass that finds it out, and what becomes of its numbers.
 
 use super::pixels::Pixels;
-use crate::compose::paint::{paint, usable_trap};
+use crate::compose::paint::usable_trap;
 use crate::expr::{Arena, Function, Inputs};
 use crate::film::{Layer, Layers, Row};
 use crate::graph::Look;
-use crate::kernel::records::{Colour, Marched, Matter};
+use crate::kernel::records::{Colour, Marched};
 use crate::march::openness;
-use crate::shade::{Seen, facing_normal, read_surface};
+use crate::shade::{Seen, albedo, facing_normal, read_surface};
 
 /// Ray, march, surface, colour and (where the scene darkens them) corners to the numbers of data layers, in their order.
 pub(super) fn compose_data(arena: &Arena, look: &Look, layers: Layers, has_corners: bool) -> Function {
@@ -27,10 +27,7 @@ pub(super) fn compose_data(arena: &Arena, look: &Look, layers: Layers, has_corne
             Layer::Depth => march.t,
             Layer::Position => ray.origin + ray.direction * march.t,
             Layer::Normal => facing_normal(surface.gradient, ray.direction),
-            Layer::Albedo => match painted {
-                None => paint(look, &look.paint.palette, trap, None),
-                Some(Matter { base, .. }) => base,
-            },
+            Layer::Albedo => albedo(look, &surface, painted),
             Layer::Occlusion => corner.map_or(arena.f(1.0), openness),
             Layer::Trap => trap,
             Layer::Iterations => march.iterations,

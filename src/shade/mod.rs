@@ -35,11 +35,12 @@ pub use sky::Irradiance;
 use serde::{Deserialize, Serialize};
 
 use crate::compose::matter::read_matter;
+use crate::compose::paint::{paint, usable_trap};
 use crate::compose::{Bounds, Sides};
 use crate::expr::{Arena, Expr, Function, Inputs};
 use crate::graph::Look;
 use crate::kernel::Status;
-use crate::kernel::records::{Marched, Matter, Query, Ray, Surface};
+use crate::kernel::records::{Colour, Marched, Matter, Query, Ray, Surface};
 use crate::march::Threshold;
 use crate::math::Precision;
 
@@ -120,6 +121,23 @@ pub fn compose_surface_point(arena: &Arena, threshold: Threshold, precision: Pre
 pub(crate) fn read_surface<'g>(inputs: &mut Inputs<'g>, look: &Look) -> (Surface<Expr<'g>>, Option<Matter<Expr<'g>>>) {
     let surface = Surface::read(inputs);
     (surface, read_matter(look, surface.gradient.arena, inputs))
+}
+
+/// What is known of surfaces to their albedo: what of white light they scatter or mirror, linear.
+pub fn compose_albedo(arena: &Arena, look: &Look) -> Function {
+    let mut inputs = Inputs::new(arena);
+    let (surface, painted) = read_surface(&mut inputs, look);
+    let mut function = inputs.function("albedo");
+    Colour { colour: albedo(look, &surface, painted) }.write(&mut function);
+    function
+}
+
+/// The albedo of a surface.
+pub(crate) fn albedo<'g>(look: &Look, surface: &Surface<Expr<'g>>, painted: Option<Matter<Expr<'g>>>) -> Expr<'g> {
+    match painted {
+        None => paint(look, &look.paint.palette, usable_trap(surface.trap), None),
+        Some(Matter { base, .. }) => base,
+    }
 }
 
 /// A ray and what its march gave, as inputs of a function.

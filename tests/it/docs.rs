@@ -296,6 +296,16 @@ fn tutorials_can_be_followed() {
     }
 }
 
+/// Every command of the page on meshes, with few cells.
+#[test]
+fn commands_of_the_page_on_meshes_work() {
+    let folder = folder();
+    let page = "docs/meshes.md";
+    let lines: Vec<String> = blocks(page, "sh").iter().flat_map(|code| code.lines()).map(str::to_owned).collect();
+    assert!(lines.len() >= 5, "{lines:?}");
+    lines.iter().for_each(|line| follow(page, folder.path(), line));
+}
+
 /// Runs a command of a tutorial, with few pixels and rays.
 fn follow(page: &str, folder: &Path, line: &str) {
     let (command, note) = line.split_once(" #").unwrap_or((line, ""));
@@ -336,6 +346,7 @@ fn quick<'a>(words: &[&'a str]) -> Vec<&'a str> {
         }
         "check" | "calibrate" => put(&mut quick, "--size", "64x48"),
         "truth" => put(&mut quick, "--rays", "40"),
+        "mesh" | "slices" => put(&mut quick, "--resolution", "24"),
         "vary" => {
             put(&mut quick, "--count", "2");
             put(&mut quick, "--size", "64x48");

@@ -25,6 +25,7 @@ const ORDER: &[&str] = &[
     "check",
     "calibrate",
     "engine",
+    "mesh",
     "explore",
     "live",
     "chart",

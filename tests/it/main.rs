@@ -48,6 +48,7 @@ mod lights;
 mod lost_device;
 mod materials;
 mod memory;
+mod meshes;
 mod methods;
 mod moves;
 mod mutations;
