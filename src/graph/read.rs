@@ -4,6 +4,7 @@ mod constant;
 mod estimate;
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use rhai::Scope;
 
@@ -15,6 +16,7 @@ use super::settings::{EndShape, IterationLimit, NO_ESCAPE, OrbitSettings};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
 use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
+use crate::colour::Panorama;
 use crate::diag::{Diagnostic, Diagnostics, Severity, Span};
 use crate::formula::decode::{Fields, FromValue, check_range, entries};
 use crate::formula::library::Library;
@@ -66,7 +68,17 @@ fn read_once(
     let errors = d.error_count();
     let (patched, params) = patched(value, overrides, d);
     let (params_read, nodes, inline) = (Vec::new(), Vec::new(), Vec::new());
-    let mut reader = Reader { library, d, params: params_read, nodes, names: HashMap::new(), inline, four: None };
+    let panorama = imports.panorama.clone();
+    let mut reader = Reader {
+        library,
+        d,
+        params: params_read,
+        nodes,
+        names: HashMap::new(),
+        inline,
+        four: None,
+        panorama,
+    };
     let graph = reader.graph(&patched, name, &params, imports)?;
     let d = reader.d;
     if d.error_count() > errors {
@@ -88,6 +100,8 @@ pub(super) struct Reader<'a> {
     inline: Vec<String>,
     /// Where a value of four components was read, until what holds it takes this.
     pub(super) four: Option<Span>,
+    /// The picture that surrounds everything, where it was read.
+    pub(super) panorama: Option<Arc<Panorama>>,
 }
 
 impl Reader<'_> {

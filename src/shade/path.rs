@@ -8,6 +8,7 @@
 use super::colour::{Face, facing_normal};
 use super::finish::{Finish, Scattered};
 use super::light::Incoming;
+use super::panorama::Sampler;
 use super::{Air, Lighting, Seen, Threshold, range_within};
 use crate::compose::Bounds;
 use crate::compose::matter::may_transmit;
@@ -98,18 +99,19 @@ impl Paths<'_> {
 
     /// A light and a direction towards it, picked by chance.
     fn sample<'g>(&self, arena: &'g Arena, point: &Point<'g>) -> Option<Sampled<'g>> {
-        let among = self.lighting.lights.len() as f64;
+        let among = self.lighting.picked() as f64;
         let pick = point.random.light * among;
-        let of_light = |light: &Light| sampled(arena, light, point.start, (point.random.light_u, point.random.light_v));
-        let mut lights = self.lighting.lights.iter().enumerate().rev();
-        let (_, last) = lights.next()?;
-        let (first, density) = of_light(last);
+        let random = (point.random.light_u, point.random.light_v);
+        let lights = self.lighting.lights.iter().map(|light| sampled(arena, light, point.start, random));
+        let around = self.lighting.sampler.iter().map(|sampler| self.surroundings(arena, sampler, random));
+        let mut all = lights.chain(around).enumerate().collect::<Vec<_>>().into_iter().rev();
+        let (_, (first, density)) = all.next()?;
         let has_extent = self.lighting.lights.iter().any(|light| extent(light) > 0.0);
         let far = arena.f(1e30);
         let mut found = (first.direction, first.distance.unwrap_or(far), first.strength, density);
-        for (number, light) in lights {
+        for (number, (own, density)) in all {
             let is_it = pick.lt(arena.f(number as f64 + 1.0));
-            let (own, density) = of_light(light);
+        let has_extent = has_extent || self.lighting.sampler.is_some();
             found = (
                 is_it.select(own.direction, found.0),
                 is_it.select(own.distance.unwrap_or(far), found.1),
@@ -126,6 +128,19 @@ impl Paths<'_> {
         let mut inputs = Inputs::new(arena);
         let point = self.read(&mut inputs);
         let mut function = inputs.function("light_ray");
+    /// A direction towards the surroundings, picked by their light, and its density.
+    fn surroundings<'g>(
+        &self,
+        arena: &'g Arena,
+        sampler: &Sampler,
+        random: (Expr<'g>, Expr<'g>),
+    ) -> (Incoming<'g>, Expr<'g>) {
+        let direction = sampler.direction(arena, random);
+        let density = sampler.density(arena, direction);
+        let strength = self.lighting.radiance(arena, direction) / (density * std::f64::consts::PI);
+        (Incoming { direction, distance: None, strength }, density)
+    }
+
         let nowhere = arena.f(Ray::NOWHERE);
         let Some(Sampled { incoming, .. }) = self.sample(arena, &point) else {
             let ray = Ray { t_far: nowhere, ..point.seen.ray };
@@ -191,7 +206,7 @@ impl Paths<'_> {
     pub fn compose_path(&self, arena: &Arena) -> Function {
         let mut inputs = Inputs::new(arena);
         let point = self.read(&mut inputs);
-        let shadow = (!self.lighting.lights.is_empty()).then(|| Marched::read_as("light_", &mut inputs));
+        let shadow = (self.lighting.picked() > 0).then(|| Marched::read_as("light_", &mut inputs));
         let passing = self.lighting.atmosphere.glow.map(|_| Marched::read_as("glow_", &mut inputs));
         let mut function = inputs.function("path");
         let (path, direction) = (point.path, point.seen.ray.direction);
@@ -204,7 +219,7 @@ impl Paths<'_> {
         if let (Some(shadow), Some(sampled)) = (shadow, self.sample(arena, &point)) {
             here = here + self.straight(arena, &point, shadow, &sampled);
         }
-        let beyond = self.lighting.radiance(arena, direction) + self.found_lights(arena, &point);
+        let beyond = self.found_surroundings(arena, &point) + self.found_lights(arena, &point);
         let around = is_first.select(self.lighting.background(arena, direction), beyond);
         let air = Air { arena, lighting: self.lighting, seen: &point.seen, passing };
         let through_air = air.seen_through(here, around);
@@ -254,9 +269,18 @@ impl Paths<'_> {
 
     /// The light of suns whose discs a scattered ray ends in: what [`Paths::straight`] leaves to it.
     fn found_lights<'g>(&self, arena: &'g Arena, point: &Point<'g>) -> Expr<'g> {
-        let among = self.lighting.lights.len() as f64;
+        let among = self.lighting.picked() as f64;
         let mut sum = arena.v3([0.0; 3]);
         for light in &self.lighting.lights {
+    /// The light of the surroundings that a scattered ray ends in: what [`Paths::straight`] leaves to it, where it finds some.
+    fn found_surroundings<'g>(&self, arena: &'g Arena, point: &Point<'g>) -> Expr<'g> {
+        let direction = point.seen.ray.direction;
+        let radiance = self.lighting.radiance(arena, direction);
+        let Some(sampler) = &self.lighting.sampler else { return radiance };
+        let own = sampler.density(arena, direction) * (1.0 / self.lighting.picked() as f64);
+        radiance * (point.path.density / (point.path.density + own).max(arena.f(1e-12)))
+    }
+
             let LightKind::Sun { direction, angle, .. } = light.kind else { continue };
             let cosine = (angle / 2.0).cos();
             if angle == 0.0 {

@@ -14,7 +14,7 @@ mod paint;
 mod traps;
 
 pub use camera::{Aperture, Camera, CubeLayout, Lens, Stereo, StereoLayout};
-pub use environment::{Atmosphere, Environment, Glow};
+pub use environment::{Atmosphere, Environment, Glow, wanted_picture};
 pub use film::{Curve, Encoding, Film};
 pub use light::{Cone, Light, LightKind, SUN_ANGLE, Space};
 pub use look::{Look, Part};
