@@ -8,10 +8,10 @@ use std::sync::Arc;
 
 use rhai::Scope;
 
-use super::objects::Imports;
+use super::objects::{Imports, field};
 use super::overrides::{Override, patched};
 use super::presets::read_presets;
-use super::scene::read_scene;
+use super::scene::{has_orbits, read_scene};
 use super::settings::{EndShape, IterationLimit, NO_ESCAPE, OrbitSettings};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
@@ -69,6 +69,7 @@ fn read_once(
     let (patched, params) = patched(value, overrides, d);
     let (params_read, nodes, inline) = (Vec::new(), Vec::new(), Vec::new());
     let panorama = imports.panorama.clone();
+    let has_look = field(value, "look").or_else(|| field(field(value, "scene")?, "look")).is_some();
     let mut reader = Reader {
         library,
         d,
@@ -78,6 +79,7 @@ fn read_once(
         inline,
         four: None,
         panorama,
+        has_look,
     };
     let graph = reader.graph(&patched, name, &params, imports)?;
     let d = reader.d;
@@ -102,6 +104,8 @@ pub(super) struct Reader<'a> {
     pub(super) four: Option<Span>,
     /// The picture that surrounds everything, where it was read.
     pub(super) panorama: Option<Arc<Panorama>>,
+    /// Whether the file itself has a look: what changes a part of it leaves the rest as the file has it.
+    pub(super) has_look: bool,
 }
 
 impl Reader<'_> {
@@ -146,11 +150,12 @@ impl Reader<'_> {
             None if has_objects => None,
             None => self.default_output(&nodes, fields.span()),
         };
+        let has_orbits = output.is_some_and(|output| has_orbits(&self.nodes, output));
         let output = self.clipped(output, &mut fields);
         let orbit = self.orbit_settings(&mut fields, &OrbitSettings::default());
         let bounding_radius = fields.optional_value("bounding_radius").and_then(|v| self.number(v, 1e-6, 1e6));
         let cuts = fields.or("cuts", false, self.d);
-        let mut scene = read_scene(self, &mut fields);
+        let mut scene = read_scene(self, &mut fields, has_orbits);
         scene.take_objects(objects);
         let presets = fields.optional_value("presets").map(|v| read_presets(v, self.d)).unwrap_or_default();
         let test_values: Vec<Value> = fields.or("tests", Vec::new(), self.d);
