@@ -77,7 +77,7 @@ impl Paths<'_> {
     fn read<'g>(&self, inputs: &mut Inputs<'g>) -> Point<'g> {
         let seen = Seen::read(inputs);
         let face = Face::read(self.look, inputs);
-        let (path, random) = (Path::read(inputs), Random::read(inputs));
+        let (mut path, random) = (Path::read(inputs), Random::read(inputs));
         let direction = seen.ray.direction;
         let inside = may_transmit(self.look).then(|| path.inside.lift(0.5).lt(path.inside));
         let finish = match inside {
@@ -88,6 +88,11 @@ impl Paths<'_> {
                 Finish::new(&face.matter, normal, -direction).seen_from_inside(inside, &face.matter)
             }
         };
+        if let Some(inside) = inside
+            && let Some(left) = face.matter.share_left(seen.march.t - seen.ray.t_near)
+        {
+            path.throughput = path.throughput * inside.select(left, path.throughput.lift(1.0));
+        }
         let normal = finish.normal;
         let hit_eps = self.threshold.at(seen.march.t);
         let front = seen.front(hit_eps);
@@ -107,11 +112,11 @@ impl Paths<'_> {
         let mut all = lights.chain(around).enumerate().collect::<Vec<_>>().into_iter().rev();
         let (_, (first, density)) = all.next()?;
         let has_extent = self.lighting.lights.iter().any(|light| extent(light) > 0.0);
+        let has_extent = has_extent || self.lighting.sampler.is_some();
         let far = arena.f(1e30);
         let mut found = (first.direction, first.distance.unwrap_or(far), first.strength, density);
         for (number, (own, density)) in all {
             let is_it = pick.lt(arena.f(number as f64 + 1.0));
-        let has_extent = has_extent || self.lighting.sampler.is_some();
             found = (
                 is_it.select(own.direction, found.0),
                 is_it.select(own.distance.unwrap_or(far), found.1),
@@ -123,11 +128,6 @@ impl Paths<'_> {
         Some(Sampled { incoming, density: has_extent.then_some(found.3), among })
     }
 
-    /// Points of paths to rays towards the lights that are picked there.
-    pub fn compose_light_ray(&self, arena: &Arena, skipped: f64) -> Function {
-        let mut inputs = Inputs::new(arena);
-        let point = self.read(&mut inputs);
-        let mut function = inputs.function("light_ray");
     /// A direction towards the surroundings, picked by their light, and its density.
     fn surroundings<'g>(
         &self,
@@ -141,6 +141,11 @@ impl Paths<'_> {
         (Incoming { direction, distance: None, strength }, density)
     }
 
+    /// Points of paths to rays towards the lights that are picked there.
+    pub fn compose_light_ray(&self, arena: &Arena, skipped: f64) -> Function {
+        let mut inputs = Inputs::new(arena);
+        let point = self.read(&mut inputs);
+        let mut function = inputs.function("light_ray");
         let nowhere = arena.f(Ray::NOWHERE);
         let Some(Sampled { incoming, .. }) = self.sample(arena, &point) else {
             let ray = Ray { t_far: nowhere, ..point.seen.ray };
@@ -267,11 +272,6 @@ impl Paths<'_> {
         point.finish.lit(*direction) * *strength * share
     }
 
-    /// The light of suns whose discs a scattered ray ends in: what [`Paths::straight`] leaves to it.
-    fn found_lights<'g>(&self, arena: &'g Arena, point: &Point<'g>) -> Expr<'g> {
-        let among = self.lighting.picked() as f64;
-        let mut sum = arena.v3([0.0; 3]);
-        for light in &self.lighting.lights {
     /// The light of the surroundings that a scattered ray ends in: what [`Paths::straight`] leaves to it, where it finds some.
     fn found_surroundings<'g>(&self, arena: &'g Arena, point: &Point<'g>) -> Expr<'g> {
         let direction = point.seen.ray.direction;
@@ -281,6 +281,11 @@ impl Paths<'_> {
         radiance * (point.path.density / (point.path.density + own).max(arena.f(1e-12)))
     }
 
+    /// The light of suns whose discs a scattered ray ends in: what [`Paths::straight`] leaves to it.
+    fn found_lights<'g>(&self, arena: &'g Arena, point: &Point<'g>) -> Expr<'g> {
+        let among = self.lighting.picked() as f64;
+        let mut sum = arena.v3([0.0; 3]);
+        for light in &self.lighting.lights {
             let LightKind::Sun { direction, angle, .. } = light.kind else { continue };
             let cosine = (angle / 2.0).cos();
             if angle == 0.0 {
