@@ -201,7 +201,7 @@ fn operations(arena: &Arena, function: &Function) -> usize {
     let (tapes, _) = lower_group(arena, &[(function, 0)], Port::scalars(&function.inputs) as u16);
     let count = |code: Code, width: usize| match code {
         Code::Copy => 0,
-        Code::Apply(_) | Code::SinCos => width,
+        Code::Apply(_) | Code::SinCos | Code::Lookup(_) => width,
         Code::Dot => 2 * width - 1,
         Code::ComplexProduct => 6 * width,
         Code::Products(Products::Sum | Products::Difference) => 3 * width,

@@ -1,10 +1,13 @@
 //! Loading a formula: a RON file, a Rhai script that returns a graph, or the name of a built-in fractal.
 
+mod panorama;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use self::panorama::{Named, load_picture};
 use crate::diag::{Diagnostic, Diagnostics, Severity, SourceId};
 use crate::formula::embedded;
 use crate::formula::library::Library;
@@ -28,6 +31,8 @@ pub struct Loaded {
     pub is_builtin: bool,
     /// The formulas of its objects that are files: the names that the scenes give them, and their texts.
     pub files: Vec<(String, SourceId)>,
+    /// The picture that surrounds it, with the name that the scene gives it.
+    pub picture: Option<Named>,
 }
 
 /// Everything that a formula is made of, as texts: what another machine needs to make the same one.
@@ -46,6 +51,9 @@ pub struct Bundle {
     /// Names and texts of the files that its objects name.
     #[serde(default)]
     pub files: Vec<(String, String)>,
+    /// Names and texts of the pictures that surround it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pictures: Vec<(String, String)>,
 }
 
 impl Bundle {
@@ -79,6 +87,7 @@ impl Bundle {
                 .iter()
                 .map(|(name, id)| (name.clone(), library.sources.text(*id).to_string()))
                 .collect(),
+            pictures: loaded.picture.iter().map(|(name, picture)| (name.clone(), picture.text().to_string())).collect(),
         }
     }
 
@@ -97,7 +106,7 @@ impl Bundle {
         for (name, text) in &self.steps {
             library.add_step_text(Path::new(&format!("{name}.rhai")), text.clone(), d);
         }
-        let beside = Beside { folder: None, carried: &self.files, depth: 0 };
+        let beside = Beside { folder: None, carried: &self.files, pictures: &self.pictures, depth: 0 };
         let loaded = load_text_beside(library, (&self.name, &self.text), &self.set, beside, d)?;
         Some(if self.is_builtin { as_builtin(loaded) } else { loaded })
     }
@@ -168,6 +177,8 @@ struct Beside<'a> {
     folder: Option<&'a Path>,
     /// Names and texts that came with it, which go before files.
     carried: &'a [(String, String)],
+    /// The same of pictures.
+    pictures: &'a [(String, String)],
     /// Scenes that it is in.
     depth: u32,
 }
@@ -178,14 +189,13 @@ const MOST_DEPTH: u32 = 4;
 /// Loads the formulas that the objects of a file name. Adds the texts of files to `files`.
 fn load_objects(
     library: &mut Library,
-    (value, overrides): (&Value, &[Override]),
+    value: &Value,
     beside: Beside,
     files: &mut Vec<(String, SourceId)>,
     d: &mut Diagnostics,
 ) -> Imports {
-    let (value, _) = patched(value, overrides, &mut Diagnostics::default());
-    let mut imports = Imports::new();
-    for Wanted { object, formula, span, changes } in wanted(&value) {
+    let mut imports = Imports::default();
+    for Wanted { object, formula, span, changes } in wanted(value) {
         let mut own = Diagnostics::default();
         let loaded = match beside.depth >= MOST_DEPTH {
             true => {
@@ -198,7 +208,7 @@ fn load_objects(
         failed.for_each(|error| d.push(error.clone().label(span, format!("needed by the object `{object}`"))));
         if let Some(graph) = loaded {
             // What the file's estimate was calibrated on is another picture.
-            imports.insert(object, Arc::new(graph.without_calibration()));
+            imports.formulas.insert(object, Arc::new(graph.without_calibration()));
         }
     }
     imports
@@ -221,8 +231,7 @@ fn load_object(
         None => text_of(library, Path::new(formula), d)?,
     };
     let folder = Path::new(&name).parent().map(Path::to_path_buf);
-    let inner =
-        Beside { folder: folder.as_deref().filter(|_| is_file), carried: beside.carried, depth: beside.depth + 1 };
+    let inner = Beside { folder: folder.as_deref().filter(|_| is_file), depth: beside.depth + 1, ..beside };
     let loaded = load_value(library, (&name, &text), Changes::Values(changes), inner, d)?;
     if is_file && !files.iter().any(|(known, _)| known == formula) {
         files.push((formula.to_string(), loaded.text));
@@ -252,7 +261,7 @@ pub fn load_text(
     set: &[(String, String)],
     d: &mut Diagnostics,
 ) -> Option<Loaded> {
-    let beside = Beside { folder: Path::new(name).parent(), carried: &[], depth: 0 };
+    let beside = Beside { folder: Path::new(name).parent(), carried: &[], pictures: &[], depth: 0 };
     load_text_beside(library, (name, text), set, beside, d)
 }
 
@@ -296,12 +305,16 @@ fn load_value(
     let (value, expanded) = expanded(library, (name, id), &overrides, d)?;
     let stem = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut files = Vec::new();
-    let imports = load_objects(library, (&value, &expanded), beside, &mut files, d);
+    let (changed, _) = patched(&value, &expanded, &mut Diagnostics::default());
+    let mut imports = load_objects(library, &changed, beside, &mut files, d);
+    // What surrounds an object's own scene is not seen.
+    let picture = (beside.depth == 0).then(|| load_picture(&changed, beside, d)).flatten();
+    imports.panorama = picture.as_ref().map(|(_, panorama)| panorama.clone());
     let mut graph = read(library, &value, &stem, (&expanded, &imports), d)?;
     if expanded.iter().any(changes_the_view) {
         graph = graph.without_calibration();
     }
-    (!d.has_errors()).then_some(Loaded { graph, text: id, set, is_builtin: false, files })
+    (!d.has_errors()).then_some(Loaded { graph, text: id, set, is_builtin: false, files, picture })
 }
 
 /// The value that a text stands for, and what is changed in it once presets are spelled out.

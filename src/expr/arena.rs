@@ -2,12 +2,13 @@
 
 use std::fmt;
 use std::ops::{Add, Div, Mul, Neg, Sub};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rustc_hash::FxHashMap;
 
 use super::ops::Operator;
 use super::simplify;
+use super::table::Table;
 use crate::diag::Span;
 
 /// A scalar, 3-vector or 4-vector of numbers or booleans.
@@ -94,6 +95,8 @@ pub enum Op {
     Extract(u8),
     /// The sum of the componentwise products.
     Dot,
+    /// The number of the arena's table of this number at an index.
+    Lookup(u16),
     /// A componentwise operator of the table.
     Apply(Operator),
 }
@@ -134,6 +137,8 @@ type Key = (Op, [NodeId; 4], u8, Type);
 pub struct Arena {
     /// Grows only, and only under the lock.
     nodes: boxcar::Vec<Node>,
+    /// The tables that nodes look up; grows as nodes do.
+    tables: boxcar::Vec<Arc<Table>>,
     made: Mutex<Made>,
     /// Keeps every operation that is asked for, and only folds constants.
     as_written: bool,
@@ -203,6 +208,24 @@ impl Arena {
     /// The truth value.
     pub fn bool(&self, value: bool) -> Expr<'_> {
         self.constant(Type::B, [f64::from(u8::from(value)), 0.0, 0.0, 0.0])
+    }
+
+    /// A table by its number.
+    pub fn table(&self, number: u16) -> &Arc<Table> {
+        &self.tables[usize::from(number)]
+    }
+
+    /// The number of a table, which is kept where it is new.
+    pub(super) fn table_number(&self, table: &Arc<Table>) -> u16 {
+        let _made = self.made();
+        let is_it = |known: &Arc<Table>| Arc::ptr_eq(known, table) || known == table;
+        let known = self.tables.iter().find(|(_, known)| is_it(known)).map(|(number, _)| number);
+        u16::try_from(known.unwrap_or_else(|| self.tables.push(table.clone()))).expect("pictures have few tables")
+    }
+
+    /// The number of a table at an index.
+    pub(super) fn lookup_in(&self, number: u16, index: Expr<'_>) -> Expr<'_> {
+        self.intern(Op::Lookup(number), &[index.id], Type::F)
     }
 
     /// The function input of this number and type.

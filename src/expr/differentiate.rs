@@ -64,7 +64,7 @@ impl<'g> Differentiator<'g> {
         let x: Vec<Expr<'g>> = node.args().iter().map(|&a| self.arena.expr(a)).collect();
         let d: Vec<&Vec<Expr<'g>>> = node.args().iter().map(|a| &self.known[a]).collect();
         match node.op {
-            Op::Const(_) | Op::Input(_) | Op::Uniform(_) => vec![self.zero; width],
+            Op::Const(_) | Op::Input(_) | Op::Uniform(_) | Op::Lookup(_) => vec![self.zero; width],
             Op::Compose => d.iter().map(|d| d[0]).collect(),
             Op::Splat => vec![d[0][0]; width],
             Op::Extract(i) => vec![d[0][i as usize]],

@@ -165,6 +165,10 @@ impl<'g> Encloser<'g> {
             Op::Splat => vec![b[0][0]; width],
             Op::Extract(i) => vec![b[0][i as usize]],
             Op::Dot => vec![self.dot(&args, &b)],
+            Op::Lookup(number) => {
+                let [lo, hi] = self.arena.table(number).ends().map(|end| self.arena.f(end));
+                vec![Bounds { lo, hi }]
+            }
             Op::Apply(operator) => {
                 self.move_ball(operator, y, &args);
                 (0..width)
@@ -267,6 +271,7 @@ pub fn substitute<'g>(arena: &'g Arena, roots: &[Expr<'g>], places: &[(Expr<'g>,
             Op::Splat => args[0].widen(node.ty.width),
             Op::Extract(i) => args[0].component(i),
             Op::Dot => args[0].dot(args[1]),
+            Op::Lookup(number) => arena.look_up(&arena.table(number).clone(), args[0]),
             Op::Apply(operator) => Expr::apply(operator, &args),
         };
         built.insert(id, new);

@@ -25,8 +25,10 @@ pub mod notation;
 pub mod ops;
 pub mod print;
 mod simplify;
+mod table;
 
 pub use arena::{Arena, Expr, Node, NodeId, Op, Type};
 pub use differentiate::Differentiator;
 pub use enclose::{Bounds, Encloser, substitute};
 pub use function::{Function, Inputs, Port};
+pub use table::Table;

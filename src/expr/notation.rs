@@ -239,6 +239,7 @@ impl<'a> Writer<'a> {
                 }
             }
             Op::Dot => self.dot(node),
+            Op::Lookup(number) => Text::new(format!("table{number}[{}]", self.texts[&node.args()[0]].text), ATOM),
             Op::Apply(operator) => self.apply(operator, node),
         }
     }

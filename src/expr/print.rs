@@ -107,6 +107,7 @@ fn operator(node: &Node) -> &'static str {
     match node.op {
         Op::Apply(operator) => operator.info().name,
         Op::Dot => "dot",
+        Op::Lookup(_) => "look_up",
         _ if node.ty.width == 4 => "vec4",
         _ => "vec3",
     }

@@ -47,6 +47,13 @@ pub const OUTPUTS: &[(&str, Type, f64, [f64; 2], &str)] = &[
     ("roughness", Type::F, 0.55, [0.0, 1.0], "From 0, a mirror, to 1."),
     ("specular", Type::F, 1.0, [0.0, 1.0], "Weight of the reflection of what is no metal."),
     ("transmission", Type::F, 0.0, [0.0, 1.0], "Share of the light that enters and is not scattered back."),
+    (
+        "transmission_depth",
+        Type::F,
+        0.0,
+        [0.0, 1e6],
+        "Distance over which light inside takes on the base colour, in world units; 0 where it does so at the surface.",
+    ),
     ("ior", Type::F, 1.5, [1.0, 4.0], "Index of refraction."),
     ("coat", Type::F, 0.0, [0.0, 1.0], "Weight of a clear coat."),
     ("coat_roughness", Type::F, 0.05, [0.0, 1.0], "Roughness of the coat."),

@@ -30,7 +30,7 @@ pub use scene::motion;
 pub use scene::{
     Aperture, Atmosphere, Blend, By, Camera, Cone, CubeLayout, Curve, Encoding, Environment, Film, Glow, Layer, Lens,
     Light, LightKind, Look, MOST_LAYERS, Marks, MaterialUse, Paint, Palette, Part, Plane, SUN_ANGLE, Scene, Space,
-    Spread, Stereo, StereoLayout, TRAPS, Trap,
+    Spread, Stereo, StereoLayout, TRAPS, Trap, wanted_picture,
 };
 pub use schedule::{IterationMap, MapTree, Schedule, resolve_schedule};
 pub use settings::{

@@ -11,12 +11,19 @@ use super::presets::PRESET;
 use super::read::Reader;
 use super::scene::{Paint, Part, TRAPS, Trap, read_paint};
 use super::{Graph, Node, NodeKind, NodeRef, ParamInput, Placement, Primitive, SphereForm, ValidGraph};
+use crate::colour::Panorama;
 use crate::diag::{Diagnostic, Diagnostics, Span};
 use crate::formula::decode::{Fields, entries};
 use crate::formula::value::{Name, Value, ValueKind};
 
-/// Formulas that objects name, by the objects' names.
-pub type Imports = HashMap<String, Arc<ValidGraph>>;
+/// What a file names beside itself.
+#[derive(Default)]
+pub struct Imports {
+    /// Formulas that objects name, by the objects' names.
+    pub formulas: HashMap<String, Arc<ValidGraph>>,
+    /// The picture that surrounds everything. Without it surroundings that are one are left out.
+    pub panorama: Option<Arc<Panorama>>,
+}
 
 /// Objects that a scene may have.
 pub const MOST_OBJECTS: usize = 64;
@@ -53,7 +60,8 @@ pub fn wanted(value: &Value) -> Vec<Wanted> {
     objects.into_iter().take(MOST_OBJECTS).filter_map(of_object).collect()
 }
 
-fn field<'v>(value: &'v Value, name: &str) -> Option<&'v Value> {
+/// A field of a struct.
+pub(super) fn field<'v>(value: &'v Value, name: &str) -> Option<&'v Value> {
     match &value.kind {
         ValueKind::Struct { fields, .. } => fields.iter().find(|(field, _)| field.text == name).map(|(_, value)| value),
         _ => None,
@@ -109,7 +117,7 @@ impl Reader<'_> {
         let (_, _) = (fields.optional_value("set"), fields.optional_value("preset"));
         let (of, base) = match (fractal, own) {
             (Some(_), None) => {
-                let graph = imports.get(&name.text)?;
+                let graph = imports.formulas.get(&name.text)?;
                 if all.traps.is_none() && graph.scene.look.traps != TRAPS {
                     all.traps = Some(graph.scene.look.traps);
                 }

@@ -1,19 +1,22 @@
 //! From a file's value tree to a [`ValidGraph`], reporting everything that is wrong with it.
 
+mod constant;
 mod estimate;
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use rhai::Scope;
 
-use super::objects::Imports;
+use super::objects::{Imports, field};
 use super::overrides::{Override, patched};
 use super::presets::read_presets;
-use super::scene::read_scene;
-use super::settings::{Constant, EndShape, IterationLimit, NO_ESCAPE, OrbitSettings};
+use super::scene::{has_orbits, read_scene};
+use super::settings::{EndShape, IterationLimit, NO_ESCAPE, OrbitSettings};
 use super::tests_of_formula::read_test;
 use super::validate::{ValidGraph, validate};
 use super::{FractalParam, Graph, Node, NodeKind, NodeRef};
+use crate::colour::Panorama;
 use crate::diag::{Diagnostic, Diagnostics, Severity, Span};
 use crate::formula::decode::{Fields, FromValue, check_range, entries};
 use crate::formula::library::Library;
@@ -65,7 +68,19 @@ fn read_once(
     let errors = d.error_count();
     let (patched, params) = patched(value, overrides, d);
     let (params_read, nodes, inline) = (Vec::new(), Vec::new(), Vec::new());
-    let mut reader = Reader { library, d, params: params_read, nodes, names: HashMap::new(), inline, four: None };
+    let panorama = imports.panorama.clone();
+    let has_look = field(value, "look").or_else(|| field(field(value, "scene")?, "look")).is_some();
+    let mut reader = Reader {
+        library,
+        d,
+        params: params_read,
+        nodes,
+        names: HashMap::new(),
+        inline,
+        four: None,
+        panorama,
+        has_look,
+    };
     let graph = reader.graph(&patched, name, &params, imports)?;
     let d = reader.d;
     if d.error_count() > errors {
@@ -87,6 +102,10 @@ pub(super) struct Reader<'a> {
     inline: Vec<String>,
     /// Where a value of four components was read, until what holds it takes this.
     pub(super) four: Option<Span>,
+    /// The picture that surrounds everything, where it was read.
+    pub(super) panorama: Option<Arc<Panorama>>,
+    /// Whether the file itself has a look: what changes a part of it leaves the rest as the file has it.
+    pub(super) has_look: bool,
 }
 
 impl Reader<'_> {
@@ -131,11 +150,12 @@ impl Reader<'_> {
             None if has_objects => None,
             None => self.default_output(&nodes, fields.span()),
         };
+        let has_orbits = output.is_some_and(|output| has_orbits(&self.nodes, output));
         let output = self.clipped(output, &mut fields);
         let orbit = self.orbit_settings(&mut fields, &OrbitSettings::default());
         let bounding_radius = fields.optional_value("bounding_radius").and_then(|v| self.number(v, 1e-6, 1e6));
         let cuts = fields.or("cuts", false, self.d);
-        let mut scene = read_scene(self, &mut fields);
+        let mut scene = read_scene(self, &mut fields, has_orbits);
         scene.take_objects(objects);
         let presets = fields.optional_value("presets").map(|v| read_presets(v, self.d)).unwrap_or_default();
         let test_values: Vec<Value> = fields.or("tests", Vec::new(), self.d);
@@ -422,43 +442,6 @@ impl Reader<'_> {
         settings.four = self.four.take().or(settings.four);
         self.four = outer;
         settings
-    }
-
-    /// `Mandelbrot`, `Julia((x, y, z))`, `Mix(julia: (x, y, z), amount: t)` or `Off`; points may have four components.
-    pub(super) fn constant(&mut self, value: &Value) -> Option<Constant> {
-        match &value.kind {
-            ValueKind::Variant(name) if name.text == "Mandelbrot" => Some(Constant::Mandelbrot),
-            ValueKind::Variant(name) if name.text == "Off" => Some(Constant::Off),
-            ValueKind::Tuple { name: Some(name), items } if name.text == "Julia" => match items.as_slice() {
-                [point] => self.point(point).map(Constant::Julia),
-                [_, _, _] | [_, _, _, _] => {
-                    let point = Value::new(value.span, ValueKind::List(items.clone()));
-                    self.point(&point).map(Constant::Julia)
-                }
-                _ => {
-                    self.d.push(Diagnostic::error("`Julia` needs a point").label(value.span, "write Julia((x, y, z))"));
-                    None
-                }
-            },
-            ValueKind::Struct { name: Some(name), .. } if name.text == "Mix" => {
-                let mut fields = Fields::new(value, "a mixed constant", self.d)?;
-                let julia = fields.optional_value("julia").and_then(|v| self.point(v));
-                let amount = fields.optional_value("amount").and_then(|v| self.number(v, 0.0, 1.0));
-                let span = fields.span();
-                fields.finish(self.d);
-                if julia.is_none() || amount.is_none() {
-                    self.d.push(Diagnostic::error("`Mix` needs `julia: (x, y, z)` and `amount: 0.5`").label(span, ""));
-                }
-                Some(Constant::Mix(julia?, amount?))
-            }
-            _ => {
-                let expected = "Mandelbrot, Julia((x, y, z)), Mix(julia: (x, y, z), amount: 0.5) or Off";
-                let message = format!("expected a constant, found {}", value.describe());
-                self.d
-                    .push(Diagnostic::error(message).label(value.span, "").help(format!("constants are: {expected}")));
-                None
-            }
-        }
     }
 
     /// One of several words, in quotes or not, in any case.

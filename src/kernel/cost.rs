@@ -68,6 +68,7 @@ impl Cost {
                     let terms = f64::from(arena.node(node.args()[0]).ty.width);
                     of_operator(Operator::Mul, terms) + of_operator(Operator::Add, terms - 1.0)
                 }
+                Op::Lookup(_) => looked_up(),
                 _ => Cost::default(),
             }
         };
@@ -123,6 +124,11 @@ fn of_operator(operator: Operator, count: f64) -> Cost {
     }
 }
 
+/// A number from somewhere in memory.
+fn looked_up() -> Cost {
+    Cost { other: 1.0, products: 4.0, ..Cost::default() }
+}
+
 fn of_instruction(instruction: &Instruction) -> Cost {
     let width = f64::from(instruction.operands.width.max(1));
     let products = Cost { products: width, ..Cost::default() };
@@ -133,6 +139,7 @@ fn of_instruction(instruction: &Instruction) -> Cost {
         Code::ComplexProduct => Cost { mul: 2.0 * width, mul_add: 2.0 * width, products: 2.0 * width, ..products },
         Code::Dot => Cost { mul: 1.0, mul_add: width - 1.0, ..products },
         Code::Copy => Cost { other: width, ..products },
+        Code::Lookup(_) => looked_up(),
         Code::Products(Products::Sum | Products::Difference) => Cost { mul: width, mul_add: width, ..products },
         Code::Products(_) => Cost { mul_add: width, ..products },
     }

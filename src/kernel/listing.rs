@@ -31,6 +31,15 @@ impl Kernel {
     }
 }
 
+impl Kernel {
+    /// The arena's tables that the kernel looks up, by number.
+    pub fn tables(&self, arena: &Arena) -> Vec<u16> {
+        let number = |id| if let Op::Lookup(number) = arena.node(id).op { Some(number) } else { None };
+        let numbers = self.functions().into_iter().flat_map(|f| f.nodes(arena)).filter_map(number);
+        numbers.collect::<std::collections::BTreeSet<u16>>().into_iter().collect()
+    }
+}
+
 impl Estimator {
     /// All functions of the estimator, in the order in which they first run.
     pub fn functions(&self) -> Vec<&Function> {

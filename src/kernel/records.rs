@@ -269,6 +269,8 @@ record! {
         specular: F,
         /// Share of the light that enters and is not scattered back, from 0 to 1.
         transmission: F,
+        /// Distance over which light inside takes on the base colour, in world units; 0 where it does so at the surface.
+        transmission_depth: F,
         /// Index of refraction, at least 1.
         ior: F,
         /// Weight of a clear coat, from 0 to 1.

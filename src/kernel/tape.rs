@@ -7,11 +7,13 @@
 mod lowering;
 
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 pub use self::lowering::lower_group;
 use rustc_hash::FxHashMap;
 
 use super::constants::Constants;
+use crate::expr::Table;
 use crate::expr::ops::{Operands, Operator};
 
 /// What an instruction does.
@@ -25,6 +27,8 @@ pub enum Code {
     SinCos,
     /// `dst` is the first argument.
     Copy,
+    /// `dst[0]` is the number of the tape's table of this number at the first argument.
+    Lookup(u16),
     /// The complex product of `a + i c` and `b + i d`: `dst` is `a b - c d`, `dst2` is `c b + a d`.
     ComplexProduct,
     /// A sum or difference that computes its products itself.
@@ -88,6 +92,8 @@ pub struct Tape {
     pub outputs: Vec<u16>,
     /// Registers that the tape needs in all.
     pub register_count: usize,
+    /// What it looks up.
+    pub tables: Vec<Arc<Table>>,
 }
 impl Tape {
     /// A listing, one instruction a line.
@@ -111,6 +117,7 @@ impl Tape {
                 Code::Dot => ("dot", 1, 2),
                 Code::SinCos => ("sin_cos", 2, 1),
                 Code::Copy => ("copy", 1, 1),
+                Code::Lookup(_) => ("look_up", 1, 1),
                 Code::ComplexProduct => ("complex_product", width, 4),
                 Code::Products(products) => (products.name(), width, products.arity()),
             };

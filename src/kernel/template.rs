@@ -233,6 +233,9 @@ impl Shape {
             }
             places.insert(id, places.len() as u32);
             self.say(&(node.op, node.ty));
+            if let Op::Lookup(number) = node.op {
+                self.key.extend(arena.table(number).key().to_le_bytes());
+            }
             arguments(arena, &node).into_iter().for_each(|arg| self.reference(arena, arg, &places));
         }
         function.outputs.iter().for_each(|(_, id)| self.reference(arena, *id, &places));

@@ -76,7 +76,7 @@ impl Further<'_> {
             passes.push(Role::JoinEnds, ends, Slot::JoinedEnds, Kernel::Map(shade::compose_join_ends(arena)));
         }
         let mut seen = point.to_vec();
-        if !lighting.lights.is_empty() {
+        if lighting.picked() > 0 {
             let ray = paths.compose_light_ray(arena, SKIPPED);
             passes.push(Role::LightRay, point, Slot::LightRays, Kernel::Map(ray));
             let plan = march::shadow_plan(self.plan);

@@ -105,6 +105,9 @@ pub fn compose_planned(composer: &Composer, settings: &RenderSettings, mut plan:
     if settings.path.is_none() && !tells_nearness(&plan) {
         lighting = lighting.in_points();
     }
+    if settings.path.is_some() {
+        lighting = lighting.for_paths();
+    }
     let look = &scene.look;
     let arena = composer.arena;
     let pixel = shade::threshold(&camera, settings.size);

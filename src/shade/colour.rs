@@ -28,7 +28,9 @@ impl<'g> Face<'g> {
     /// The surface, ready to be lit, as a ray sees it.
     pub fn finish(&self, seen: &Seen<'g>) -> Finish<'g> {
         let direction = seen.ray.direction;
-        Finish::new(&self.matter, facing_normal(self.gradient, direction), -direction)
+        // Without paths nobody knows the way inside: light takes on the colour at the surface.
+        let matter = Matter { transmission_depth: direction.arena.f(0.0), ..self.matter };
+        Finish::new(&matter, facing_normal(self.gradient, direction), -direction)
     }
 }
 

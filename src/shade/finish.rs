@@ -144,6 +144,15 @@ fn schlick<'g>(along: Expr<'g>, roughness: Expr<'g>, cosine: Expr<'g>) -> Expr<'
     along + (along.max(1.0 - roughness) - along) * edge
 }
 
+/// What a surface makes of light that goes through it: where the colour comes with the way inside, nothing.
+fn tint<'g>(matter: &Matter<Expr<'g>>) -> Expr<'g> {
+    let depth = matter.transmission_depth;
+    if is(depth, 0.0) {
+        return matter.base;
+    }
+    depth.lift(0.0).lt(depth).select(depth.arena.v3([1.0; 3]), matter.base)
+}
+
 impl<'g> Finish<'g> {
     /// A surface of some matter; `normal` points to the viewer's side, `view` is the unit vector towards the viewer.
     pub fn new(matter: &Matter<Expr<'g>>, normal: Expr<'g>, view: Expr<'g>) -> Finish<'g> {
@@ -160,7 +169,7 @@ impl<'g> Finish<'g> {
         let tinted = matter.base * solid;
         let (base, through) = match is(matter.transmission, 0.0) {
             true => (tinted, None),
-            false => (tinted * (1.0 - matter.transmission), Some(tinted * matter.transmission)),
+            false => (tinted * (1.0 - matter.transmission), Some(tint(matter) * solid * matter.transmission)),
         };
         let coat = (!is(matter.coat, 0.0)).then(|| {
             let facets = Facets::new(matter.coat_roughness, cos_view);
@@ -244,7 +253,7 @@ impl<'g> Finish<'g> {
         let along = (ior * cos_out - cos_view) / (ior * cos_out + cos_view);
         let reflected = left.le(zero).select(one, (across * across + along * along) * 0.5);
         let (white, black) = (arena.v3([1.0; 3]), arena.v3([0.0; 3]));
-        self.through = Some(is_inside.select(matter.base * (1.0 - reflected), through));
+        self.through = Some(is_inside.select(tint(matter) * (1.0 - reflected), through));
         self.reflectance = is_inside.select(white * reflected, self.reflectance);
         self.base = is_inside.select(black, self.base);
         self.ratio = is_inside.select(ior, self.ratio);
@@ -337,6 +346,15 @@ impl<'g> Finish<'g> {
 }
 
 impl<'g> Matter<Expr<'g>> {
+    /// The share of light that is left after some way inside, by colour (Beer and Lambert); `None` where all of it is left everywhere.
+    pub fn share_left(&self, way: Expr<'g>) -> Option<Expr<'g>> {
+        let (arena, depth) = (way.arena, self.transmission_depth);
+        let parts = || self.base.components().into_iter().map(|part| part.max(arena.f(1e-6)).ln()).collect::<Vec<_>>();
+        let is_deep = arena.f(0.0).lt(depth);
+        let left = || (arena.compose(&parts()) * (way / depth.max(arena.f(1e-12)))).exp();
+        (!is(depth, 0.0)).then(|| is_deep.select(left(), arena.v3([1.0; 3])))
+    }
+
     /// What surfaces are made of that nothing is said of but their colour: smooth stone.
     pub fn of_colour(base: Expr<'g>) -> Matter<Expr<'g>> {
         let f = |x: f64| base.arena.f(x);
@@ -346,6 +364,7 @@ impl<'g> Matter<Expr<'g>> {
             roughness: f(0.55),
             specular: f(1.0),
             transmission: f(0.0),
+            transmission_depth: f(0.0),
             ior: f(1.5),
             coat: f(0.0),
             coat_roughness: f(0.05),

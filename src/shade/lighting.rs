@@ -2,6 +2,7 @@
 
 use super::CameraFrame;
 use super::light::{in_points, placed};
+use super::panorama::Sampler;
 use super::sky::{self, Irradiance};
 use crate::expr::{Arena, Expr};
 use crate::graph::{Atmosphere, Camera, Environment, Light, Scene};
@@ -22,6 +23,8 @@ pub struct Lighting {
     environment: Environment,
     up: [f64; 3],
     irradiance: Irradiance,
+    /// How directions towards the surroundings are picked, where they are.
+    pub(super) sampler: Option<Sampler>,
     backdrop: Option<Backdrop>,
 }
 
@@ -52,7 +55,7 @@ impl Lighting {
         let lights = scene.lights.iter().filter(|light| light.shines());
         let up = match scene.environment {
             Environment::Dome { .. } => CameraFrame::new(&home).up,
-            Environment::Gradient { .. } | Environment::Daylight { .. } => [0.0, 0.0, 1.0],
+            _ => [0.0, 0.0, 1.0],
         };
         let backdrop = scene.backdrop.map(|[bottom, top]| Backdrop {
             bottom: radiance_of(bottom),
@@ -64,9 +67,10 @@ impl Lighting {
             atmosphere: scene.atmosphere,
             occlusion: scene.look.occlusion,
             bounding_radius,
-            environment: scene.environment,
+            environment: scene.environment.clone(),
             up,
             irradiance: Irradiance::new(&scene.environment, up)?,
+            sampler: None,
             backdrop,
         })
     }
@@ -79,6 +83,20 @@ impl Lighting {
         let points = |light: &Light| if is_soft(light) { in_points(light, count) } else { vec![light.clone()] };
         self.lights = self.lights.iter().flat_map(points).collect();
         self
+    }
+
+    /// The same light for paths: directions towards a picture that surrounds everything are picked where it is bright.
+    #[must_use]
+    pub fn for_paths(mut self) -> Lighting {
+        if let Environment::Picture { panorama, turn, .. } = &self.environment {
+            self.sampler = Some(Sampler::new(panorama, *turn));
+        }
+        self
+    }
+
+    /// How many lights paths pick from: the lights, and the surroundings where these are picked from.
+    pub fn picked(&self) -> usize {
+        self.lights.len() + usize::from(self.sampler.is_some())
     }
 
     /// The lights that cast shadows, by number.

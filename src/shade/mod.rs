@@ -11,6 +11,7 @@ mod finish;
 mod light;
 mod lighting;
 mod mirror;
+mod panorama;
 mod path;
 mod plane;
 mod secondary;

@@ -8,6 +8,7 @@
 use super::colour::{Face, facing_normal};
 use super::finish::{Finish, Scattered};
 use super::light::Incoming;
+use super::panorama::Sampler;
 use super::{Air, Lighting, Seen, Threshold, range_within};
 use crate::compose::Bounds;
 use crate::compose::matter::may_transmit;
@@ -76,7 +77,7 @@ impl Paths<'_> {
     fn read<'g>(&self, inputs: &mut Inputs<'g>) -> Point<'g> {
         let seen = Seen::read(inputs);
         let face = Face::read(self.look, inputs);
-        let (path, random) = (Path::read(inputs), Random::read(inputs));
+        let (mut path, random) = (Path::read(inputs), Random::read(inputs));
         let direction = seen.ray.direction;
         let inside = may_transmit(self.look).then(|| path.inside.lift(0.5).lt(path.inside));
         let finish = match inside {
@@ -87,6 +88,11 @@ impl Paths<'_> {
                 Finish::new(&face.matter, normal, -direction).seen_from_inside(inside, &face.matter)
             }
         };
+        if let Some(inside) = inside
+            && let Some(left) = face.matter.share_left(seen.march.t - seen.ray.t_near)
+        {
+            path.throughput = path.throughput * inside.select(left, path.throughput.lift(1.0));
+        }
         let normal = finish.normal;
         let hit_eps = self.threshold.at(seen.march.t);
         let front = seen.front(hit_eps);
@@ -98,18 +104,19 @@ impl Paths<'_> {
 
     /// A light and a direction towards it, picked by chance.
     fn sample<'g>(&self, arena: &'g Arena, point: &Point<'g>) -> Option<Sampled<'g>> {
-        let among = self.lighting.lights.len() as f64;
+        let among = self.lighting.picked() as f64;
         let pick = point.random.light * among;
-        let of_light = |light: &Light| sampled(arena, light, point.start, (point.random.light_u, point.random.light_v));
-        let mut lights = self.lighting.lights.iter().enumerate().rev();
-        let (_, last) = lights.next()?;
-        let (first, density) = of_light(last);
+        let random = (point.random.light_u, point.random.light_v);
+        let lights = self.lighting.lights.iter().map(|light| sampled(arena, light, point.start, random));
+        let around = self.lighting.sampler.iter().map(|sampler| self.surroundings(arena, sampler, random));
+        let mut all = lights.chain(around).enumerate().collect::<Vec<_>>().into_iter().rev();
+        let (_, (first, density)) = all.next()?;
         let has_extent = self.lighting.lights.iter().any(|light| extent(light) > 0.0);
+        let has_extent = has_extent || self.lighting.sampler.is_some();
         let far = arena.f(1e30);
         let mut found = (first.direction, first.distance.unwrap_or(far), first.strength, density);
-        for (number, light) in lights {
+        for (number, (own, density)) in all {
             let is_it = pick.lt(arena.f(number as f64 + 1.0));
-            let (own, density) = of_light(light);
             found = (
                 is_it.select(own.direction, found.0),
                 is_it.select(own.distance.unwrap_or(far), found.1),
@@ -119,6 +126,19 @@ impl Paths<'_> {
         }
         let incoming = Incoming { direction: found.0, distance: Some(found.1), strength: found.2 };
         Some(Sampled { incoming, density: has_extent.then_some(found.3), among })
+    }
+
+    /// A direction towards the surroundings, picked by their light, and its density.
+    fn surroundings<'g>(
+        &self,
+        arena: &'g Arena,
+        sampler: &Sampler,
+        random: (Expr<'g>, Expr<'g>),
+    ) -> (Incoming<'g>, Expr<'g>) {
+        let direction = sampler.direction(arena, random);
+        let density = sampler.density(arena, direction);
+        let strength = self.lighting.radiance(arena, direction) / (density * std::f64::consts::PI);
+        (Incoming { direction, distance: None, strength }, density)
     }
 
     /// Points of paths to rays towards the lights that are picked there.
@@ -191,7 +211,7 @@ impl Paths<'_> {
     pub fn compose_path(&self, arena: &Arena) -> Function {
         let mut inputs = Inputs::new(arena);
         let point = self.read(&mut inputs);
-        let shadow = (!self.lighting.lights.is_empty()).then(|| Marched::read_as("light_", &mut inputs));
+        let shadow = (self.lighting.picked() > 0).then(|| Marched::read_as("light_", &mut inputs));
         let passing = self.lighting.atmosphere.glow.map(|_| Marched::read_as("glow_", &mut inputs));
         let mut function = inputs.function("path");
         let (path, direction) = (point.path, point.seen.ray.direction);
@@ -204,7 +224,7 @@ impl Paths<'_> {
         if let (Some(shadow), Some(sampled)) = (shadow, self.sample(arena, &point)) {
             here = here + self.straight(arena, &point, shadow, &sampled);
         }
-        let beyond = self.lighting.radiance(arena, direction) + self.found_lights(arena, &point);
+        let beyond = self.found_surroundings(arena, &point) + self.found_lights(arena, &point);
         let around = is_first.select(self.lighting.background(arena, direction), beyond);
         let air = Air { arena, lighting: self.lighting, seen: &point.seen, passing };
         let through_air = air.seen_through(here, around);
@@ -252,9 +272,18 @@ impl Paths<'_> {
         point.finish.lit(*direction) * *strength * share
     }
 
+    /// The light of the surroundings that a scattered ray ends in: what [`Paths::straight`] leaves to it, where it finds some.
+    fn found_surroundings<'g>(&self, arena: &'g Arena, point: &Point<'g>) -> Expr<'g> {
+        let direction = point.seen.ray.direction;
+        let radiance = self.lighting.radiance(arena, direction);
+        let Some(sampler) = &self.lighting.sampler else { return radiance };
+        let own = sampler.density(arena, direction) * (1.0 / self.lighting.picked() as f64);
+        radiance * (point.path.density / (point.path.density + own).max(arena.f(1e-12)))
+    }
+
     /// The light of suns whose discs a scattered ray ends in: what [`Paths::straight`] leaves to it.
     fn found_lights<'g>(&self, arena: &'g Arena, point: &Point<'g>) -> Expr<'g> {
-        let among = self.lighting.lights.len() as f64;
+        let among = self.lighting.picked() as f64;
         let mut sum = arena.v3([0.0; 3]);
         for light in &self.lighting.lights {
             let LightKind::Sun { direction, angle, .. } = light.kind else { continue };

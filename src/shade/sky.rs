@@ -1,5 +1,6 @@
 //! The light of the surroundings: radiance by direction, and what of it falls on a surface.
 
+use crate::colour::Panorama;
 use crate::expr::{Arena, Expr, Function, Port, Type};
 use crate::graph::Environment;
 use crate::kernel::cpu::Cpu;
@@ -27,6 +28,7 @@ pub fn radiance<'g>(arena: &'g Arena, environment: &Environment, up: [f64; 3], d
             let above = height.smoothstep(arena.f(-0.06), arena.f(0.02));
             arena.v3(ground).mix(sky, above)
         }
+        Environment::Picture { ref panorama, strength, turn } => panorama.radiance(arena, turn, direction) * strength,
     }
 }
 
@@ -115,6 +117,9 @@ impl Irradiance {
             (coefficients[0], coefficients[1], coefficients[2], coefficients[3]) = (mean, along[0], along[1], along[2]);
             return Ok(Irradiance(coefficients));
         }
+        if let Environment::Picture { panorama, strength, turn } = environment {
+            return Ok(Irradiance::of_picture(panorama, *strength, *turn));
+        }
         let arena = Arena::default();
         let mut function = Function::new("environment", vec![Port::new("direction", Type::V3)]);
         let direction = arena.input(0, Type::V3);
@@ -131,19 +136,35 @@ impl Irradiance {
         let cpu = Cpu::new(Precision::F64);
         let kernel = cpu.prepare(&arena, &Kernel::Map(function))?;
         let found = cpu.download(&cpu.run(&kernel, &[&cpu.upload(&columns)?])?)?;
+        let of = |columns: &[Vec<f64>], i: usize| [columns[0][i], columns[1][i], columns[2][i]];
+        let share = 1.0 / (BANDS * AROUND) as f64;
+        Ok(Irradiance::summed((0..BANDS * AROUND).map(|i| (of(&columns, i), of(&found, i), share))))
+    }
+
+    /// That of a picture, by a sum over its texels, in parts where they are large.
+    fn of_picture(panorama: &Panorama, strength: f64, turn: f64) -> Irradiance {
+        let parts = (BANDS as u32 / panorama.size()[1]).max(1);
+        let texels = panorama.texels().flat_map(|texel| std::iter::repeat_n(texel, (parts * parts) as usize));
+        Irradiance::summed(texels.zip(panorama.directions(parts)).map(|(texel, [around, polar, solid])| {
+            let ((sin, cos), (flat, z)) = ((around - turn).sin_cos(), polar.sin_cos());
+            let radiance = texel.map(|part| f64::from(part) * strength);
+            ([flat * sin, flat * cos, z], radiance, solid / (4.0 * std::f64::consts::PI))
+        }))
+    }
+
+    /// The sum of light from directions, each with its radiance and its share of all.
+    fn summed(light: impl Iterator<Item = ([f64; 3], [f64; 3], f64)>) -> Irradiance {
         let mut sums = [[0.0; 3]; 9];
-        for i in 0..BANDS * AROUND {
-            let parts = harmonics([columns[0][i], columns[1][i], columns[2][i]]);
-            for (sum, part) in sums.iter_mut().zip(parts) {
-                (0..3).for_each(|k| sum[k] += part * found[k][i]);
+        for (direction, radiance, share) in light {
+            for (sum, part) in sums.iter_mut().zip(harmonics(direction)) {
+                (0..3).for_each(|k| sum[k] += part * radiance[k] * share);
             }
         }
-        let mean = 1.0 / (BANDS * AROUND) as f64;
         let mut coefficients = [[0.0; 3]; 9];
         for (to, (sum, weight)) in coefficients.iter_mut().zip(sums.iter().zip(WEIGHTS)) {
-            *to = sum.map(|x| x * mean * weight);
+            *to = sum.map(|x| x * weight);
         }
-        Ok(Irradiance(coefficients))
+        Irradiance(coefficients)
     }
 
     /// On a surface with a normal.

@@ -97,6 +97,28 @@ fn fog_occlusion_and_traps_that_are_off_cost_nothing() {
 }
 
 #[test]
+fn only_pictures_of_surroundings_leave_tables() {
+    let has_tables = |made: &Made, name: &str| made.wgsl(name).contains("tables");
+    let plain = make(&bulb(PLAIN, "environment: Uniform((1, 1, 1)),"), None);
+    assert!(plain.pipeline.kernels().iter().all(|(name, _)| !has_tables(&plain, name)));
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("white.png");
+    let picture =
+        bulbfold::film::Image { size: bulbfold::shade::Size { width: 16, height: 8 }, rgb: vec![255; 16 * 8 * 3] };
+    picture.write_png(&file).unwrap();
+    let pictured = make(&bulb(PLAIN, &format!("environment: Picture(file: {:?}),", file.display().to_string())), None);
+    let with: Vec<&str> = pictured
+        .pipeline
+        .kernels()
+        .into_iter()
+        .map(|(name, _)| name)
+        .filter(|name| has_tables(&pictured, name))
+        .collect();
+    assert_eq!(with, ["background", "colour"]);
+    assert!(pictured.cost("march").operations() == plain.cost("march").operations());
+}
+
+#[test]
 fn lamps_glow_and_ground_fog_leave_nothing_where_they_are_off() {
     let names = |made: &Made| made.pipeline.kernels().into_iter().map(|(name, _)| name).collect::<Vec<_>>();
     let plain = make(&bulb(PLAIN, ""), None);

@@ -23,6 +23,7 @@ mod docs;
 mod driver;
 mod end_shapes;
 mod engine;
+mod environment;
 mod estimate_settings;
 mod examples;
 mod exchange;

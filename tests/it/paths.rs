@@ -106,6 +106,30 @@ fn glass_bends_light_as_snell_and_fresnel_say() {
     assert!(upside_down >= 4, "{upside_down}");
 }
 
+/// What is left of white light behind a ball that bends nothing: the base colour to the power of the way inside over its depth.
+#[test]
+fn glass_is_darker_where_it_is_thicker() {
+    let (base, depth) = ([0.5, 0.25, 0.8], 1.5);
+    let scene = ball(&format!(
+        "light: {{}}, environment: Uniform((1, 1, 1)), look: (palette: [(0.5, 0.25, 0.8)], material: glass(ior: 1.0, tint: 1.0, depth: {depth}))"
+    ));
+    let edge = 33;
+    let light = radiance(&scene, (edge, edge), paths(256));
+    let tangent = 15f64.to_radians().tan();
+    let at = |k: u32| ((f64::from(k) + 0.5) / f64::from(edge) * 2.0 - 1.0) * tangent;
+    for (x, y) in [(16, 16), (16, 9), (22, 20), (10, 12), (5, 16), (0, 0)] {
+        let (u, v) = (at(x), at(y));
+        // The square of the distance between the ray and the ball's middle, 4 units ahead.
+        let square = 16.0 * (u * u + v * v) / (1.0 + u * u + v * v);
+        let way = 2.0 * (1.0 - square).max(0.0).sqrt();
+        for k in 0..3 {
+            let expected: f64 = f64::powf(base[k], way / depth);
+            let found = f64::from(light[(y * edge + x) as usize][k]);
+            assert!((found - expected).abs() < 0.03, "{x} {y} {k}: {found} {expected}");
+        }
+    }
+}
+
 /// A ball under a sun, a lamp and an even sky: what `direct` sums up is what paths find.
 #[test]
 fn direct_and_path_agree_where_nothing_is_reflected_twice() {

@@ -33,7 +33,7 @@ fn of_node(arena: &Arena, id: NodeId, known: &FxHashMap<NodeId, f64>) -> f64 {
             let is_exact = |bits: &u64| f64::from(f64::from_bits(*bits) as f32) == f64::from_bits(*bits);
             if bits.iter().all(is_exact) { 0.0 } else { 1.0 }
         }
-        Op::Uniform(_) => 1.0,
+        Op::Uniform(_) | Op::Lookup(_) => 1.0,
         Op::Compose | Op::Splat | Op::Extract(_) => most,
         Op::Dot => sum + f64::from(arena.node(node.args()[0]).ty.width),
         Op::Apply(operator) => match operator.kind() {

@@ -13,10 +13,11 @@ pub fn picture(camera: &Camera, scene: &Scene, bounding_radius: f64) -> String {
         Some((LightKind::Sun { direction, .. }, colour)) => (direction, colour),
         _ => ([0.0, 0.0, 1.0], [0.0; 3]),
     };
-    let sky = match scene.environment {
-        Environment::Dome { sky, .. } => sky,
+    let sky = match &scene.environment {
+        Environment::Dome { sky, .. } => *sky,
         Environment::Gradient { horizon, zenith, .. } => [0, 1, 2].map(|i| (horizon[i] + zenith[i]) / 2.0),
         Environment::Daylight { strength, .. } => [0.2, 0.3, 0.5].map(|part| part * strength),
+        Environment::Picture { panorama, strength, .. } => panorama.mean().map(|part| part * strength),
     };
     let background = scene.backdrop.unwrap_or([sky; 2]);
     let paint = &scene.look.paint;

@@ -1,13 +1,17 @@
 //! What is around everything: the light of the sky, fog and glow.
 
+use std::sync::Arc;
+
 use super::light::number;
-use crate::diag::Diagnostic;
+use crate::colour::Panorama;
+use crate::diag::{Diagnostic, Span};
 use crate::formula::decode::Fields;
 use crate::formula::value::{Value, ValueKind};
+use crate::graph::objects::field;
 use crate::graph::read::Reader;
 
 /// Where light comes from that meets nothing: radiance by direction, linear.
-#[derive(Clone, Copy, PartialEq, Debug)]
+#[derive(Clone, PartialEq, Debug)]
 pub enum Environment {
     /// The sky of a look: brighter above, with a little of the sun's light from below. Its up direction is that of the file's own
     /// view.
@@ -37,6 +41,15 @@ pub enum Environment {
         /// Radiance of the ground.
         ground: [f64; 3],
     },
+    /// An equirectangular picture; up is the z axis.
+    Picture {
+        /// The picture.
+        panorama: Arc<Panorama>,
+        /// A factor of all of its light.
+        strength: f64,
+        /// How far it is turned around z, from x to y, in radians.
+        turn: f64,
+    },
 }
 
 /// What is between the camera and what it sees.
@@ -64,7 +77,7 @@ pub struct Glow {
 
 /// How environments are written.
 const FORMS: &str = "environments are: Uniform((1, 1, 1)), Gradient(ground: (0.1, 0.1, 0.1), horizon: (0.7, 0.8, 0.9), zenith: (0.2, 0.4, 0.8)), \
-                     Daylight(sun: (0.5, -0.5, 0.6), turbidity: 3.0)";
+                     Daylight(sun: (0.5, -0.5, 0.6), turbidity: 3.0), Picture(file: \"studio.hdr\", strength: 1.0, turn: 30.0)";
 
 impl Environment {
     /// The same with a factor on all of its light.
@@ -79,6 +92,9 @@ impl Environment {
             Environment::Daylight { sun, turbidity, strength, ground } => {
                 Environment::Daylight { sun, turbidity, strength: strength * factor, ground: times(ground) }
             }
+            Environment::Picture { panorama, strength, turn } => {
+                Environment::Picture { panorama, strength: strength * factor, turn }
+            }
         }
     }
 }
@@ -92,7 +108,8 @@ pub(super) fn read_environment(reader: &mut Reader, value: &Value) -> Option<Env
         let colour = reader.vector(colour, 0.0, 1e6)?;
         return Some(Environment::Gradient { ground: colour, horizon: colour, zenith: colour });
     }
-    let (Some(name @ ("Gradient" | "Daylight")), ValueKind::Struct { .. }) = (name.as_deref(), &value.kind) else {
+    let (Some(name @ ("Gradient" | "Daylight" | "Picture")), ValueKind::Struct { .. }) = (name.as_deref(), &value.kind)
+    else {
         let message = format!("expected an environment, found {}", value.describe());
         reader.d.push(Diagnostic::error(message).label(value.span, "").help(FORMS));
         return None;
@@ -113,6 +130,7 @@ pub(super) fn read_environment(reader: &mut Reader, value: &Value) -> Option<Env
                 zenith,
             })
         }
+        "Picture" => read_picture(reader, &mut fields),
         _ => {
             let ground = colour(reader, "ground", [0.10, 0.09, 0.08]);
             let sun = fields.optional_value("sun").map_or(Some([0.5, -0.5, 0.7]), |v| reader.direction(v));
@@ -125,6 +143,29 @@ pub(super) fn read_environment(reader: &mut Reader, value: &Value) -> Option<Env
     };
     fields.finish(reader.d);
     Some(found?.times(strength?))
+}
+
+/// Reads the fields of a picture. The file itself was read before ([`wanted_picture`]).
+fn read_picture(reader: &mut Reader, fields: &mut Fields) -> Option<Environment> {
+    let span = fields.span();
+    let file = fields.optional_value("file");
+    let turn = number(reader, fields, "turn", 0.0, (-3600.0, 3600.0));
+    if !file.is_some_and(|file| matches!(file.kind, ValueKind::Str(_))) {
+        let message = "a picture of surroundings needs a file";
+        let diagnostic = Diagnostic::error(message).label(file.map_or(span, |file| file.span), "");
+        reader.d.push(diagnostic.help("name it: `Picture(file: \"studio.hdr\")`"));
+        return None;
+    }
+    let panorama = reader.panorama.clone()?;
+    Some(Environment::Picture { panorama, strength: 1.0, turn: turn?.to_radians() })
+}
+
+/// The picture that a file's surroundings name, and the place of its name. What is wrong with it is told when the file is read.
+pub fn wanted_picture(value: &Value) -> Option<(&str, Span)> {
+    let environment = field(value, "environment").or_else(|| field(field(value, "scene")?, "environment"))?;
+    environment.name().filter(|name| name.text == "Picture")?;
+    let file = field(environment, "file")?;
+    if let ValueKind::Str(name) = &file.kind { Some((name, file.span)) } else { None }
 }
 
 /// Reads `atmosphere: (fog: 0.2, fog_color: (0.6, 0.7, 0.8), ground_fog: (base, falloff), glow: (color: ..., width: 0.05))`.

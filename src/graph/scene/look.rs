@@ -3,11 +3,12 @@
 use super::fields::read_colours;
 use super::paint::{Layer, Marks, Paint, Spread, read_paint};
 use super::traps::{TRAPS, Trap, read_traps};
+use crate::colour::palettes;
 use crate::diag::Span;
 use crate::formula::decode::{Fields, entries};
 use crate::formula::value::{Value, ValueKind};
-use crate::graph::NodeRef;
 use crate::graph::read::Reader;
+use crate::graph::{Node, NodeKind, NodeRef};
 
 /// A part of the picture with a look of its own.
 #[derive(Clone, PartialEq, Debug)]
@@ -93,7 +94,54 @@ impl Look {
     }
 }
 
+impl Look {
+    /// The look of a file that has none: a warm sun, a cool sky, and where surfaces have orbits, colours by how near these came to
+    /// the origin, used up evenly by what the view shows.
+    pub(super) fn of_none(has_orbits: bool) -> Look {
+        let palette = palettes::named("patina").filter(|_| has_orbits);
+        let layers = palette.map(|palette| Layer::new(palette.name.clone(), palette.gradient.clone()));
+        Look {
+            sun_direction: [-0.6, 0.8, 0.5],
+            // Paler colours need less of it.
+            sun: if has_orbits { [2.7, 2.3, 1.75] } else { [2.0, 1.75, 1.4] },
+            sky: [0.40, 0.52, 0.74],
+            occlusion: 0.9,
+            background: [[0.045, 0.06, 0.075], [0.36, 0.43, 0.50]],
+            paint: Paint { layers: layers.into_iter().collect(), ..Paint::default() },
+            ..Look::default()
+        }
+    }
+}
+
+/// Whether all surfaces of a field, or of a map that is iterated, have orbits: shapes have none, but for those that cut.
+pub(in crate::graph) fn has_orbits(nodes: &[Option<Node>], output: NodeRef) -> bool {
+    // Nodes may be wired in circles before they are checked.
+    let mut known = vec![None; nodes.len()];
+    of_orbits(nodes, output, &mut known)
+}
+
+fn of_orbits(nodes: &[Option<Node>], of: NodeRef, known: &mut [Option<bool>]) -> bool {
+    let Some(kind) = nodes.get(of.0).and_then(|node| node.as_ref()).map(|node| &node.kind) else { return false };
+    if let Some(found) = known[of.0] {
+        return found;
+    }
+    known[of.0] = Some(false);
+    let mut are = |of: &NodeRef| of_orbits(nodes, *of, known);
+    let found = match kind {
+        NodeKind::Orbit { .. } => true,
+        kind if kind.is_map() => true,
+        NodeKind::Intersection(parts) => parts.iter().any(are),
+        NodeKind::Difference { a, .. } => are(a),
+        NodeKind::Transform { of, .. } | NodeKind::Tile { of, .. } | NodeKind::Warp { of, .. } => are(of),
+        NodeKind::Union(parts) | NodeKind::SmoothUnion { of: parts, .. } => parts.iter().all(are),
+        _ => false,
+    };
+    known[of.0] = Some(found);
+    found
+}
+
 impl Default for Look {
+    /// What a look leaves out.
     fn default() -> Self {
         Look {
             sun_direction: [-0.55, 0.75, 0.6],
@@ -111,9 +159,9 @@ impl Default for Look {
     }
 }
 
-/// Reads `look: (...)`; what is not given keeps its default.
-pub(super) fn read_look(reader: &mut Reader, value: &Value) -> Option<Look> {
-    let mut look = Look::default();
+/// Reads `look: (...)`; what is not given is that of `base`.
+pub(super) fn read_look(reader: &mut Reader, value: &Value, base: &Look) -> Option<Look> {
+    let mut look = base.clone();
     let mut fields = Fields::new(value, "a look", reader.d)?;
     if let Some(v) = fields.optional_value("sun_direction") {
         look.sun_direction = reader.direction(v)?;
@@ -133,7 +181,7 @@ pub(super) fn read_look(reader: &mut Reader, value: &Value) -> Option<Look> {
     if let Some(v) = fields.optional_value("fog") {
         look.fog = reader.number(v, 0.0, 100.0)?;
     }
-    look.paint = read_paint(reader, &mut fields, &Paint::default())?;
+    look.paint = read_paint(reader, &mut fields, &base.paint)?;
     if let Some(v) = fields.optional_value("traps") {
         look.traps = read_traps(reader, v)?;
     }

@@ -14,7 +14,7 @@ mod paint;
 mod traps;
 
 pub use camera::{Aperture, Camera, CubeLayout, Lens, Stereo, StereoLayout};
-pub use environment::{Atmosphere, Environment, Glow};
+pub use environment::{Atmosphere, Environment, Glow, wanted_picture};
 pub use film::{Curve, Encoding, Film};
 pub use light::{Cone, Light, LightKind, SUN_ANGLE, Space};
 pub use look::{Look, Part};
@@ -27,6 +27,7 @@ use self::environment::{read_atmosphere, read_environment};
 use self::fields::read_plane;
 use self::film::read_film;
 use self::light::read_lights;
+pub(super) use self::look::has_orbits;
 use self::look::read_look;
 use super::objects::Objects;
 use super::read::Reader;
@@ -57,13 +58,6 @@ pub struct Scene {
     pub film: Film,
     /// What moves in a film of it.
     pub motion: Option<motion::Motion>,
-}
-
-impl Default for Scene {
-    /// The scene of a file that says nothing of it.
-    fn default() -> Scene {
-        Scene::of_look(Look::default())
-    }
 }
 
 impl Scene {
@@ -120,7 +114,9 @@ pub struct Plane {
 const FIELDS: [&str; 8] = ["camera", "plane", "look", "light", "environment", "atmosphere", "film", "animation"];
 
 /// Reads the fields of a scene: those among a file's own, and those in its `scene: (...)`.
-pub(super) fn read_scene(reader: &mut Reader, fields: &mut Fields) -> Scene {
+///
+/// `has_orbits` says that surfaces have orbits to be coloured by ([`has_orbits`]).
+pub(super) fn read_scene(reader: &mut Reader, fields: &mut Fields, has_orbits: bool) -> Scene {
     let scene = fields.optional_value("scene");
     let mut inner = scene.and_then(|v| Fields::new(v, "a scene", reader.d));
     let mut take = |reader: &mut Reader, name: &'static str| {
@@ -137,8 +133,10 @@ pub(super) fn read_scene(reader: &mut Reader, fields: &mut Fields) -> Scene {
     if let Some(inner) = inner {
         inner.finish(reader.d);
     }
-    let given = look.and_then(|v| read_look(reader, v));
-    let mut scene = given.map_or_else(Scene::default, Scene::of_look);
+    // Planes show sets in the lower colour of the background, which has to differ from what is around.
+    let base = if reader.has_look || plane.is_some() { Look::default() } else { Look::of_none(has_orbits) };
+    let given = look.and_then(|v| read_look(reader, v, &base));
+    let mut scene = Scene::of_look(given.unwrap_or(base));
     scene.film = film.and_then(|v| read_film(reader, v)).unwrap_or_default();
     scene.camera = camera.and_then(|v| read_camera(reader, v));
     scene.plane = plane.and_then(|v| read_plane(reader, v));

@@ -221,7 +221,7 @@ pub(in crate::graph) fn read_paint(reader: &mut Reader, fields: &mut Fields, bas
 
 impl Layer {
     /// A layer by the distance from the first trap, used up evenly.
-    fn new(name: String, gradient: Gradient) -> Layer {
+    pub(super) fn new(name: String, gradient: Gradient) -> Layer {
         let spread = Spread::Quantile(Vec::new());
         Layer { name, gradient, by: By::Trap(0), spread, blend: Blend::Mix, weight: 1.0 }
     }

@@ -1,21 +1,31 @@
 //! The interpreter: a tape on a register file, and columns in and out of registers.
 
+use std::sync::Arc;
+
 use fearless_simd::Simd;
 
+use crate::expr::Table;
 use crate::expr::ops::{Operands, Register, execute};
 use crate::kernel::tape::{Code, Instruction, Products, Tape};
 use crate::math::{Lanes, Pack, Real};
 
-/// A number type that tapes can be interpreted over: knows how to enable its instruction set for a call.
+/// A number type that tapes can be interpreted over: knows how to enable its instruction set for a call, and looks tables up.
 pub trait Machine: Real {
     /// Calls `f` in a function compiled for the token's instruction set.
     fn enter<T>(token: Self::Token, f: impl FnOnce() -> T) -> T;
+    /// The numbers of a table at these indices.
+    fn look_up(token: Self::Token, table: &Arc<Table>, index: Self) -> Self;
 }
 
 impl Machine for f64 {
     #[inline(always)]
     fn enter<T>((): (), f: impl FnOnce() -> T) -> T {
         f()
+    }
+
+    #[inline(always)]
+    fn look_up((): (), table: &Arc<Table>, index: f64) -> f64 {
+        f64::from(table.at(index))
     }
 }
 
@@ -24,6 +34,20 @@ impl<S: Simd> Machine for Lanes<S> {
     fn enter<T>(token: S, f: impl FnOnce() -> T) -> T {
         token.vectorize(f)
     }
+
+    #[inline(always)]
+    fn look_up(token: S, table: &Arc<Table>, index: Self) -> Self {
+        looked_up(token, table, index)
+    }
+}
+
+/// The numbers of a table at the indices in a vector's lanes.
+#[inline(always)]
+pub(super) fn looked_up<S: Simd>(token: S, table: &Table, index: Lanes<S>) -> Lanes<S> {
+    let mut lanes = [0.0; 64];
+    index.store(&mut lanes);
+    lanes[..Lanes::<S>::LANES].iter_mut().for_each(|lane| *lane = table.at(f64::from(*lane)));
+    Lanes::load(token, &lanes)
 }
 
 /// Runs a tape on a register file. One instance a number type, entered by a plain call.
@@ -34,7 +58,7 @@ pub(super) fn interpret<R: Machine, const K: usize>(token: R::Token, tape: &Tape
         #[inline(always)]
         || {
             for instruction in &tape.instructions {
-                run_instruction::<R, K>(token, instruction, registers);
+                run_instruction::<R, K>(token, (tape, instruction), registers);
             }
         },
     );
@@ -43,7 +67,7 @@ pub(super) fn interpret<R: Machine, const K: usize>(token: R::Token, tape: &Tape
 #[inline(always)]
 pub(super) fn run_instruction<R: Machine, const K: usize>(
     token: R::Token,
-    instruction: &Instruction,
+    (tape, instruction): (&Tape, &Instruction),
     registers: &mut [Register<R, K>],
 ) {
     let o = &instruction.operands;
@@ -104,6 +128,11 @@ pub(super) fn run_instruction<R: Machine, const K: usize>(
             |[a, b, c, d]| a.mul_add(b, -(c * d)),
         ),
         Code::Copy => registers[o.dst[0] as usize] = registers[o.args[0][0] as usize],
+        Code::Lookup(number) => {
+            let table = &tape.tables[usize::from(number)];
+            let index = registers[o.args[0][0] as usize];
+            registers[o.dst[0] as usize] = index.map(|index| R::look_up(token, table, index));
+        }
     }
 }
 

@@ -44,7 +44,7 @@ pub struct Cpu {
     set: Option<InstructionSet>,
 }
 
-/// A kernel as tapes.
+/// A kernel as tapes, which hold the tables that compiled code looks up.
 pub struct CpuKernel {
     program: Program,
     #[cfg(target_arch = "x86_64")]

@@ -271,11 +271,14 @@ impl Backend for Gpu {
     }
 
     fn prepare(&self, arena: &Arena, kernel: &Kernel) -> Result<GpuKernel, BackendError> {
-        self.scoped(|| self.with_uniforms(&self.cache.get(&self.device, arena, kernel)?, &[]))
+        self.scoped(|| {
+            let pipelines = self.cache.get(&self.device, arena, kernel)?;
+            self.with_uniforms((&pipelines, self.tables(arena, kernel)?), &[])
+        })
     }
 
     fn bind(&self, kernel: &GpuKernel, uniforms: &[f64]) -> Result<GpuKernel, BackendError> {
-        self.scoped(|| self.with_uniforms(&kernel.pipelines, uniforms))
+        self.scoped(|| self.with_uniforms((&kernel.pipelines, kernel.tables.clone()), uniforms))
     }
 
     fn compiling(&self) -> Option<Compiling> {

@@ -8,7 +8,7 @@ use std::time::Instant;
 use super::scoped;
 use super::slices::Slices;
 use crate::expr::{Arena, Port};
-use crate::kernel::wgsl::{self, UNIFORMS};
+use crate::kernel::wgsl::{self, TABLES, UNIFORMS};
 use crate::kernel::work::Work;
 use crate::kernel::{BackendError, Compiling, Kernel};
 
@@ -109,7 +109,11 @@ impl Cache {
             Kernel::Map(_) | Kernel::Estimate(_) => None,
         };
         let uniforms = kernel.uniforms(arena);
-        let layout = bind_group_layout(device, if max_march_steps.is_some() { 5 } else { 3 }, uniforms > 0);
+        let layout = bind_group_layout(
+            device,
+            if max_march_steps.is_some() { 5 } else { 3 },
+            (uniforms > 0, !kernel.tables(arena).is_empty()),
+        );
         let (entry, compiling) = (wgsl::entry_point(kernel), self.compiling.clone());
         let (device, layout_of_it) = (device.clone(), layout.clone());
         let compile = move || {
@@ -169,17 +173,22 @@ fn compile(
     })
 }
 
-/// Binding 0 and that of the uniforms are uniforms, 1 and 3 are read, 2 and 4 are written too.
-fn bind_group_layout(device: &wgpu::Device, buffers: u32, has_uniforms: bool) -> wgpu::BindGroupLayout {
+/// Binding 0 and that of the uniforms are uniforms, 1, 3 and that of the tables are read, 2 and 4 are written too.
+fn bind_group_layout(
+    device: &wgpu::Device,
+    buffers: u32,
+    (has_uniforms, has_tables): (bool, bool),
+) -> wgpu::BindGroupLayout {
     let entries: Vec<wgpu::BindGroupLayoutEntry> = (0..buffers)
         .chain(has_uniforms.then_some(UNIFORMS))
+        .chain(has_tables.then_some(TABLES))
         .map(|binding| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
             ty: wgpu::BindingType::Buffer {
                 ty: match binding {
                     0 | UNIFORMS => wgpu::BufferBindingType::Uniform,
-                    _ => wgpu::BufferBindingType::Storage { read_only: binding % 2 == 1 },
+                    _ => wgpu::BufferBindingType::Storage { read_only: binding == TABLES || binding % 2 == 1 },
                 },
                 has_dynamic_offset: false,
                 min_binding_size: None,

@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 
 use super::pipelines::Pipelines;
 use super::{Gpu, GpuColumns};
-use crate::kernel::BackendError;
-use crate::kernel::wgsl::{SAMPLED, UNIFORMS, WORKGROUP};
+use crate::expr::Arena;
+use crate::kernel::wgsl::{SAMPLED, TABLES, UNIFORMS, WORKGROUP};
+use crate::kernel::{BackendError, Kernel};
 
 /// A kernel with values of its uniforms.
 #[derive(Clone)]
@@ -14,6 +15,8 @@ pub struct GpuKernel {
     pub(super) pipelines: Arc<Pipelines>,
     /// Absent where there are no uniforms.
     pub(super) uniforms: Option<wgpu::Buffer>,
+    /// The tables that it looks up, one behind the other, where there are any.
+    pub(super) tables: Option<wgpu::Buffer>,
 }
 
 /// The uniform `Call` of `shaders/prelude.wgsl`, padded to whole vectors.
@@ -125,7 +128,11 @@ impl Gpu {
     }
 
     /// Compiled pipelines with values of their uniforms; those that the list lacks are 0.
-    pub(super) fn with_uniforms(&self, pipelines: &Arc<Pipelines>, values: &[f64]) -> Result<GpuKernel, BackendError> {
+    pub(super) fn with_uniforms(
+        &self,
+        (pipelines, tables): (&Arc<Pipelines>, Option<wgpu::Buffer>),
+        values: &[f64],
+    ) -> Result<GpuKernel, BackendError> {
         // The uniforms of a buffer are whole vectors to some drivers.
         let padded = pipelines.uniforms.next_multiple_of(4);
         let bytes = (padded * size_of::<f32>()) as u64;
@@ -140,7 +147,24 @@ impl Gpu {
             self.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&numbers));
             buffer
         });
-        Ok(GpuKernel { pipelines: pipelines.clone(), uniforms })
+        Ok(GpuKernel { pipelines: pipelines.clone(), uniforms, tables })
+    }
+
+    /// A buffer of the tables that a kernel looks up, where there are any.
+    pub(super) fn tables(&self, arena: &Arena, kernel: &Kernel) -> Result<Option<wgpu::Buffer>, BackendError> {
+        let numbers: Vec<&[f32]> =
+            kernel.tables(arena).into_iter().map(|number| arena.table(number).numbers()).collect();
+        if numbers.is_empty() {
+            return Ok(None);
+        }
+        let count: usize = numbers.iter().map(|numbers| numbers.len()).sum();
+        let buffer = self.storage((count * size_of::<f32>()) as u64)?;
+        let mut at = 0;
+        for numbers in numbers {
+            self.queue.write_buffer(&buffer, at, bytemuck::cast_slice(numbers));
+            at += size_of_val(numbers) as u64;
+        }
+        Ok(Some(buffer))
     }
 
     fn bind(&self, kernel: &GpuKernel, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
@@ -149,6 +173,7 @@ impl Gpu {
             .enumerate()
             .map(|(i, buffer)| (i as u32, *buffer))
             .chain(kernel.uniforms.iter().map(|buffer| (UNIFORMS, buffer)))
+            .chain(kernel.tables.iter().map(|buffer| (TABLES, buffer)))
             .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
             .collect();
         self.device.create_bind_group(&wgpu::BindGroupDescriptor {

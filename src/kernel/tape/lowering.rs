@@ -1,10 +1,12 @@
 //! From functions to tapes: what is needed of each node, which operations are fused, and which registers values get.
 
+use std::sync::Arc;
+
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::{Code, Instruction, Products, Tape};
 use crate::expr::ops::{Operands, Operator};
-use crate::expr::{Arena, Function, NodeId, Op, Port};
+use crate::expr::{Arena, Function, NodeId, Op, Port, Table};
 use crate::kernel::constants::Constants;
 
 /// Lowers functions that share a register file: each with the register of its first input, which none may overwrite.
@@ -39,6 +41,8 @@ struct Lowering<'a> {
     pinned: u32,
     next_virtual: u32,
     instructions: Vec<(Code, Operands32)>,
+    /// Tables that are looked up, with their numbers in the arena.
+    tables: Vec<(u16, Arc<Table>)>,
 }
 
 /// Operands before registers are allocated.
@@ -77,6 +81,7 @@ impl<'a> Lowering<'a> {
             pinned: u32::from(first_temporary),
             next_virtual: u32::from(first_temporary),
             instructions: Vec::new(),
+            tables: Vec::new(),
         };
         lowering.find_needed();
         lowering.find_absorbed();
@@ -151,9 +156,24 @@ impl<'a> Lowering<'a> {
                 self.emit(Code::Dot, width, [d, 0, 0, 0], 1, &[of(0), of(1)]);
                 [d; 4]
             }
+            Op::Lookup(number) => {
+                let (d, table) = (self.fresh(), self.table(number));
+                self.emit(Code::Lookup(table), 1, [d, 0, 0, 0], 1, &[of(0)]);
+                [d; 4]
+            }
             Op::Apply(operator) => self.lower_apply(id, operator, bits),
         };
         self.registers.insert(id, registers);
+    }
+
+    /// The tape's number of one of the arena's tables.
+    fn table(&mut self, number: u16) -> u16 {
+        let known = self.tables.iter().position(|(known, _)| *known == number);
+        let place = known.unwrap_or_else(|| {
+            self.tables.push((number, self.arena.table(number).clone()));
+            self.tables.len() - 1
+        });
+        place as u16
     }
 
     fn lower_apply(&mut self, id: NodeId, operator: Operator, bits: u8) -> [u32; 4] {
@@ -409,6 +429,7 @@ impl<'a> Lowering<'a> {
             read: (0..input_count).filter(|i| read.contains(&u32::from(self.inputs_at + i))).collect(),
             outputs: outputs.iter().map(|&register| place(&physical, register)).collect(),
             register_count: count as usize,
+            tables: self.tables.into_iter().map(|(_, table)| table).collect(),
         }
     }
 }

@@ -130,6 +130,7 @@ impl<'a> Writer<'a> {
             Op::Compose | Op::Splat => "vector",
             Op::Extract(_) => "part",
             Op::Dot => "dot",
+            Op::Lookup(_) => "entry",
             Op::Apply(operator) => operator.info().name,
         };
         let hash = self.hashes[&id];
@@ -171,6 +172,10 @@ impl<'a> Writer<'a> {
                 is_atom: false,
             },
             Op::Dot => atom(format!("dot({}, {})", self.texts[&args[0]].text, self.texts[&args[1]].text)),
+            Op::Lookup(number) => {
+                let (index, last) = (&self.texts[&args[0]].text, self.arena.table(number).last());
+                atom(format!("tables[table_{number} + u32(clamp({index}, 0.0, {last}.0))]"))
+            }
             Op::Apply(operator) => self.apply(operator, args, node.ty),
         }
     }

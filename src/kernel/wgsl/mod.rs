@@ -41,6 +41,8 @@ const STACK: u32 = 8 * WORKGROUP;
 const HANDS: u32 = 29;
 /// Binding of a kernel's uniforms.
 pub const UNIFORMS: u32 = 5;
+/// Binding of the numbers that a kernel looks up.
+pub const TABLES: u32 = 6;
 
 /// The module of a kernel. Its entry point is [`entry_point`]; columns are bound as `shaders/prelude.wgsl` says.
 pub fn write(arena: &Arena, kernel: &Kernel) -> String {
@@ -53,6 +55,7 @@ pub fn write(arena: &Arena, kernel: &Kernel) -> String {
     let mut text = include_str!("../../../shaders/prelude.wgsl").to_string();
     text.push('\n');
     write_uniforms(&mut text, kernel.uniforms(arena));
+    write_tables(&mut text, arena, &kernel.tables(arena));
     write_helpers(&mut text, &writer.helpers);
     text.push_str(&writer.body);
     text
@@ -114,6 +117,18 @@ fn write_uniforms(text: &mut String, count: usize) {
         let ports: Vec<Port> = (0..count).map(|number| Port::new(format!("u{number}"), Type::F)).collect();
         write_struct(text, "Uniforms", &ports);
         let _ = writeln!(text, "@group(0) @binding({UNIFORMS}) var<uniform> uniforms: Uniforms;\n");
+    }
+}
+
+/// Writes the buffer of the kernel's tables and where each begins in it, where it has any.
+fn write_tables(text: &mut String, arena: &Arena, numbers: &[u16]) {
+    let mut first = 0;
+    for number in numbers {
+        let _ = writeln!(text, "const table_{number}: u32 = {first}u;");
+        first += arena.table(*number).numbers().len();
+    }
+    if first > 0 {
+        let _ = writeln!(text, "@group(0) @binding({TABLES}) var<storage, read> tables: array<f32>;\n");
     }
 }
 

@@ -9,6 +9,7 @@ use memmap2::{Mmap, MmapMut};
 
 use super::instructions::{Form, Fused, InstructionSet};
 use super::trace::{Binary, Comparison, Unary};
+use crate::expr::Table;
 use crate::math::Precision;
 
 /// Points at the frame of vectors.
@@ -321,9 +322,12 @@ impl Assembler {
         self.push(instruction);
     }
 
-    /// Calls a function with the address of a slot. Upper halves in use would make code for doubles several times as slow.
-    pub(super) fn call(&mut self, function: Function, argument: u16) {
+    /// Calls a function with the addresses of a slot and of a table, 0 where it needs none. Upper halves in use would make code for doubles several times as slow.
+    pub(super) fn call(&mut self, function: Function, argument: u16, table: u64) {
         self.push(Instruction::with2(Code::Lea_r64_m, Register::RDI, self.slot(argument)).expect(VALID));
+        if table != 0 {
+            self.push(Instruction::with2(Code::Mov_r64_imm64, Register::RSI, table).expect(VALID));
+        }
         self.push(Instruction::with2(Code::Mov_r64_imm64, Register::RAX, function as usize as u64).expect(VALID));
         self.push(Instruction::with(VEX_Vzeroupper));
         self.push(Instruction::with1(Code::Call_rm64, Register::RAX).expect(VALID));
@@ -413,7 +417,7 @@ pub(super) struct Line([u32; WORDS]);
 const SAVED: [Register; 5] = [Register::RBX, Register::R12, Register::R13, Register::R14, Register::R15];
 
 /// A function of the maths kit over the vectors at an address: two arguments, then two results.
-pub(super) type Function = unsafe extern "sysv64" fn(*mut u8);
+pub(super) type Function = unsafe extern "sysv64" fn(*mut u8, *const Table);
 
 /// Executable code, its constants, and the places of uniforms among them.
 #[derive(Clone)]

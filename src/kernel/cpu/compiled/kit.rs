@@ -5,6 +5,8 @@ use fearless_simd::{Avx2, Avx512, Simd};
 use super::assemble::Function;
 use super::instructions::InstructionSet;
 use super::trace::Kit;
+use crate::expr::Table;
+use crate::kernel::cpu::interpret::looked_up;
 use crate::math::Precision;
 use crate::math::{Lanes, Pack, Real};
 
@@ -16,7 +18,8 @@ pub(super) struct Kits {
 }
 
 impl Kits {
-    /// The function that computes the first two vectors' results into the next two.
+    /// The function that computes the first two vectors' results into the next two; it is given the address of a table, 0 where it needs
+    /// none.
     pub(super) fn function(self, kit: Kit) -> Function {
         let [wide, narrow]: [[Function; 2]; 2] = match kit {
             Kit::SinCos => [[wide::sin_cos, scalar_8::sin_cos], [narrow::sin_cos, scalar_4::sin_cos]],
@@ -26,6 +29,7 @@ impl Kits {
             Kit::Exp => [[wide::exp, scalar_8::exp], [narrow::exp, scalar_4::exp]],
             Kit::Ln => [[wide::ln, scalar_8::ln], [narrow::ln, scalar_4::ln]],
             Kit::Pow => [[wide::pow, scalar_8::pow], [narrow::pow, scalar_4::pow]],
+            Kit::Lookup(_) => [[wide_lookup, scalar_lookup::<8>], [narrow_lookup, scalar_lookup::<4>]],
         };
         let functions = if self.set == InstructionSet::Avx512 { wide } else { narrow };
         functions[usize::from(self.precision == Precision::F64)]
@@ -94,7 +98,7 @@ unsafe fn apply_scalar<const LANES: usize>(at: *mut u8, f: impl Fn([f64; 2]) -> 
 macro_rules! functions {
     ($apply:path; $($name:ident($a:ident, $b:ident) $body:expr;)*) => { $(
         /// Called by compiled code only, which keeps the conditions.
-        pub(super) unsafe extern "sysv64" fn $name(at: *mut u8) {
+        pub(super) unsafe extern "sysv64" fn $name(at: *mut u8, _: *const Table) {
             // SAFETY: compiled code runs only where the processor has its instruction set, and gives its frame's call slots.
             unsafe { $apply(at, #[inline(always)] |[$a, $b]| { let _ = $b; $body }) }
         }
@@ -116,6 +120,24 @@ macro_rules! kit {
             }
         }
     };
+}
+
+/// Called by compiled code only, which keeps the conditions: its kernel holds the table.
+unsafe extern "sysv64" fn wide_lookup(at: *mut u8, table: *const Table) {
+    // SAFETY: compiled code runs only where the processor has its instruction set, gives its frame's call slots, and its table.
+    unsafe { apply_wide(at, |[index, _]| [looked_up(Avx512::assume_supported(), &*table, index); 2]) }
+}
+
+/// The same with AVX2.
+unsafe extern "sysv64" fn narrow_lookup(at: *mut u8, table: *const Table) {
+    // SAFETY: as above.
+    unsafe { apply_narrow(at, |[index, _]| [looked_up(Avx2::assume_supported(), &*table, index); 2]) }
+}
+
+/// The same lane by lane.
+unsafe extern "sysv64" fn scalar_lookup<const LANES: usize>(at: *mut u8, table: *const Table) {
+    // SAFETY: as above.
+    unsafe { apply_scalar::<LANES>(at, |[index, _]| [f64::from((*table).at(index)); 2]) }
 }
 
 kit!(wide, apply_wide);

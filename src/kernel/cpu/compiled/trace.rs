@@ -5,9 +5,11 @@
 
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
+use crate::expr::Table;
 use crate::kernel::cpu::interpret::Machine;
 use crate::math::Precision;
 use crate::math::Real;
@@ -121,6 +123,8 @@ pub(super) enum Kit {
     Exp,
     Ln,
     Pow,
+    /// The number of the table at this address at an index.
+    Lookup(u64),
 }
 
 impl Operation {
@@ -465,5 +469,9 @@ impl<'a> Real for Traced<'a> {
 impl Machine for Traced<'_> {
     fn enter<T>(_: Self::Token, f: impl FnOnce() -> T) -> T {
         f()
+    }
+
+    fn look_up(_: Self::Token, table: &Arc<Table>, index: Self) -> Self {
+        index.call(Kit::Lookup(Arc::as_ptr(table).expose_provenance() as u64), index)
     }
 }

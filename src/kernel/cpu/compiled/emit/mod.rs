@@ -10,10 +10,10 @@ use std::ops::Range;
 use rustc_hash::FxHashMap;
 
 use super::active::Active;
-use super::assemble::{Assembler, Function, Source};
+use super::assemble::{Assembler, Source};
 use super::instructions::{Form, Fused};
 use super::segment::{CallSlots, Segment, Slots, Target};
-use super::trace::{Binary, Operation, Place, Unary, Value};
+use super::trace::{Binary, Kit, Operation, Place, Unary, Value};
 
 /// Most vector registers of any instruction set.
 const MOST_REGISTERS: usize = 32;
@@ -385,7 +385,7 @@ impl<'a> Emitter<'a> {
                 self.hold(value, dst);
             }
             Operation::Call(kit, a, b) => {
-                self.call(self.calls.kits.function(kit), [a, b]);
+                self.call(kit, [a, b]);
                 let dst = self.take_vector(&[]);
                 self.assembler.load(dst, Source::Slot(self.calls.first + 2));
                 self.hold(value, dst);
@@ -456,7 +456,7 @@ impl<'a> Emitter<'a> {
         self.hold(value, dst);
     }
 
-    fn call(&mut self, function: Function, arguments: [Value; 2]) {
+    fn call(&mut self, kit: Kit, arguments: [Value; 2]) {
         for (i, argument) in arguments.into_iter().enumerate() {
             let register = self.register(argument, &arguments);
             self.assembler.store(self.calls.first + i as u16, register);
@@ -470,7 +470,8 @@ impl<'a> Emitter<'a> {
         self.vectors = [None; MOST_REGISTERS];
         self.masks = [None; MASKS];
         self.assembler.save_active(self.copies);
-        self.assembler.call(function, self.calls.first);
+        let table = if let Kit::Lookup(address) = kit { address } else { 0 };
+        self.assembler.call(self.calls.kits.function(kit), self.calls.first, table);
         self.assembler.restore_active(self.copies);
     }
 }
