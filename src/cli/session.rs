@@ -236,8 +236,12 @@ pub fn formula_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
             false => collect(path, &mut files),
         }
         if files.len() == before {
-            let what = if is_pattern(path) { "no file matches" } else { "there is no formula file (*.ron) in" };
-            return Err(usage(format!("{what} {}", path.display()), ""));
+            let shown = path.display();
+            let text = match is_pattern(path) {
+                true => format!("no file matches {shown}"),
+                false => format!("`{shown}` is a folder that holds no formula file (*.ron)"),
+            };
+            return Err(usage(text, ""));
         }
     }
     Ok(files)

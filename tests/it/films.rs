@@ -276,7 +276,7 @@ fn what_is_wrong_with_a_film_is_told_with_its_place() {
         (&["animate", "moving.ron", "-o", "film.xyz"], "%04d"),
         (&["animate", "moving.ron", "--frames", "5..99", "-o", "f%d.png"], "the film has 8"),
         (&["path", "moving.ron", "-o", "camera.fbx"], ".gltf"),
-        (&["fly", "moving.ron", "--set", "scale=3"], "new NAME --from"),
+        (&["fly", "moving.ron", "--set", "scale=9"], "from 2 to 4"),
     ] {
         let output = bulbfold(folder.path(), arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));

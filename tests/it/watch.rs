@@ -63,7 +63,7 @@ impl Watching {
     fn ask(&self, method: &str, path: &str, lines: &[(&str, &str)], body: &str) -> (u16, Vec<u8>) {
         let mut stream = TcpStream::connect(self.host()).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
-        let mut text = format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
+        let mut text = format!("{method} {path} HTTP/1.0\r\nContent-Length: {}\r\n", body.len());
         if !lines.iter().any(|(name, _)| *name == "Host") {
             text += &format!("Host: {}\r\n", self.host());
         }
@@ -154,7 +154,10 @@ fn what_is_moved_is_seen_and_goes_into_the_file() {
     let watching = Watching::start(folder.path());
     let first = watching.until("the whole picture", |state| state["part"] == "whole");
     let paths: Vec<&str> = first["sliders"].as_array().unwrap().iter().map(|s| s["path"].as_str().unwrap()).collect();
-    assert_eq!(paths, ["scale", "fold.limit", "ball.min_radius", "ball.fixed_radius"]);
+    assert!(
+        paths.starts_with(&["scale", "fold.limit", "ball.min_radius", "ball.fixed_radius", "grow.centre.x"]),
+        "{paths:?}"
+    );
     assert_eq!(first["sliders"][0]["help"], "Scale factor");
     let order = |order: Value, before: &Value| {
         let (code, why) = watching.order(&order);
@@ -176,9 +179,11 @@ fn what_is_moved_is_seen_and_goes_into_the_file() {
     let position = &camera[camera.find("position").unwrap()..camera.find(", target").unwrap()];
     assert!(written.contains(position) && written.contains("fov: 42), // from the right"), "{written}");
     assert_eq!(written.lines().count(), BOX.lines().count());
-    watching.until("the file as it was seen", |state| {
-        state["is_moved"] == false && state["part"] == "whole" && watching.picture() == picture
-    });
+    // The limit of iterations is that of the file's own view by now, so that single pixels may differ.
+    watching.until("the file as it was seen", |state| state["is_moved"] == false && state["part"] == "whole");
+    let seen = watching.picture();
+    let other = seen.iter().zip(&picture).filter(|(a, b)| a.abs_diff(**b) > 24).count();
+    assert!(other < seen.len() / 20, "{other} of {} bytes differ", seen.len());
     let far = order(json!({ "preset": "far" }), &watching.state(0));
     assert_eq!(far["preset"], "far");
     for wrong in [
