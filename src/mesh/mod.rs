@@ -2,8 +2,8 @@
 //!
 //! In come the kernels of a fractal ([`Kernels`]), a back end and a [`Grid`] of points. A body is the fractal's members, or all that is
 //! within a distance of them ([`Body`]). The grid's blocks are taken apart as an octree and opened only where the surface may be
-//! ([`blocks`]); signs of points become vertices and triangles, layer by layer ([`surface`]), which a file takes as they come
-//! ([`format`]). What always holds: every edge of a mesh is in exactly two triangles that go along it in opposite directions, every
+//! (`blocks`); signs of points become vertices and triangles, layer by layer (`surface`), which a file takes as they come
+//! (`format`). What always holds: every edge of a mesh is in exactly two triangles that go along it in opposite directions, every
 //! vertex lies between two neighbouring points of which one is in the body, and the bytes are a function of grid and kernels.
 //!
 //! ```
