@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::support::{bulbfold, folder_with, pixels, program, stderr, success};
 
-/// A scene whose scale, light, camera and colour move, each in its own way.
+/// A scene whose scale, light, camera and colour move, each in its own way. Its palette is not spread over what a view shows, which a film does once.
 const MOVING: &str = r##"(
     params: { "scale": (default: 3.0, min: 2.0, max: 4.0) },
     nodes: { "fold": box_fold(), "ball": sphere_fold(min_radius: 0.5), "grow": scale(scale: "scale"), "box": Sequence(["fold", "ball", "grow"]) },
@@ -12,6 +12,7 @@ const MOVING: &str = r##"(
     max_iterations: 5,
     camera: (position: (0.0, -9.0, 3.0), target: (0.0, 0.0, 0.0), fov: 50.0),
     light: { "key": Sun(direction: (-0.5, -0.8, 0.6), strength: 2.0) },
+    look: (palette: [(0.85, 0.6, 0.4), (0.3, 0.45, 0.7)]),
     animation: (
         seconds: 2.0,
         fps: 4,
