@@ -168,7 +168,6 @@ fn what_is_moved_is_seen_and_goes_into_the_file() {
     let turned = order(json!({ "move": { "movement": { "orbit": [0.5, 0.1] }, "is_moving": false } }), &scaled);
     assert_ne!(turned["flags"], first["flags"]);
     let flown = order(json!({ "move": { "movement": { "fly": [0.0, 0.0, 0.5] }, "is_moving": false } }), &turned);
-    let picture = watching.picture();
     let camera = flown["camera"].as_str().unwrap();
     assert_eq!(watching.order(&json!("write")).0, 200);
     let written = std::fs::read_to_string(folder.path().join("box.ron")).unwrap();
@@ -179,11 +178,11 @@ fn what_is_moved_is_seen_and_goes_into_the_file() {
     let position = &camera[camera.find("position").unwrap()..camera.find(", target").unwrap()];
     assert!(written.contains(position) && written.contains("fov: 42), // from the right"), "{written}");
     assert_eq!(written.lines().count(), BOX.lines().count());
-    // The limit of iterations is that of the file's own view by now, so that single pixels may differ.
-    watching.until("the file as it was seen", |state| state["is_moved"] == false && state["part"] == "whole");
-    let seen = watching.picture();
-    let other = seen.iter().zip(&picture).filter(|(a, b)| a.abs_diff(**b) > 24).count();
-    assert!(other < seen.len() / 20, "{other} of {} bytes differ", seen.len());
+    // Limits of iterations and a look's sun go by the file's own view, which is another one by now, so that colours may differ.
+    watching.until("the file's own view", |state| {
+        let shows = |camera: &str| camera.contains(position);
+        state["is_moved"] == false && state["part"] == "whole" && state["camera"].as_str().is_some_and(shows)
+    });
     let far = order(json!({ "preset": "far" }), &watching.state(0));
     assert_eq!(far["preset"], "far");
     for wrong in [
