@@ -75,7 +75,7 @@ pub struct Arguments {
     #[arg(long)]
     preview: bool,
     /// Open the picture with the system's viewer
-    #[arg(long, conflicts_with = "sweep")]
+    #[arg(long, conflicts_with = "ranges")]
     open: bool,
     /// More formulas, folders of them, or patterns such as 'a*.ron': each has its own picture, and -o is a folder
     #[arg(value_name = "FILE")]

@@ -19,7 +19,7 @@ use self::saved::Saved;
 use super::arguments::{AutoArgs, BackendArg, FormulaArgs};
 use super::camera::{CameraArgs, usual_size};
 use super::output::opened;
-use super::picture_args::{DEFAULT_SIZE, PathArgs};
+use super::picture_args::PathArgs;
 use super::session::talk;
 use super::sizes::parse_size;
 use super::{Outcome, Session, message, usage};
@@ -111,6 +111,6 @@ fn request(arguments: &Arguments) -> Request {
         camera: change,
         backend: arguments.backend.choice(),
         path: arguments.path.tracing(0),
-        ..arguments.estimate.request(if arguments.size.is_some() { size } else { DEFAULT_SIZE })
+        ..arguments.estimate.request(size)
     }
 }
