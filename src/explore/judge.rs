@@ -198,10 +198,13 @@ impl Judge {
 const STRICTER: [f64; 2] = [0.25, 0.5];
 
 /// The text of a draft that was accepted, with an estimate measured for pictures of the size for which files are calibrated, so that it renders alone as it was
-/// judged. Where none keeps a share of the budget, the text leaves the choice to whoever renders it.
+/// judged. Where nothing is to be measured, or none keeps a share of the budget, the text leaves the choice to whoever renders it.
 ///
 /// Errors: [`Error::Formula`].
 pub(super) fn with_estimate(formula: &Formula, text: &str, request: &Request) -> Result<String, Error> {
+    if !request.calibrate {
+        return Ok(text.to_string());
+    }
     let arena = Arc::new(Arena::default());
     let height = CALIBRATED_ROWS;
     let wide = u64::from(request.size.width) * u64::from(height) / u64::from(request.size.height.max(1));

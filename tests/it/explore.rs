@@ -223,6 +223,18 @@ fn written_files_render_alone_and_show_what_was_seen() {
     assert!(bytes[0] == bytes[1] && bytes[0].starts_with(b"\x89PNG"));
 }
 
+/// A file that is to render alone says which estimate is right for it, unless nothing is to be measured.
+#[test]
+fn written_files_carry_an_estimate_that_was_measured() {
+    let folder = folder();
+    let small = ["vary", "mandelbox", "--count", "1", "--seed", "4", "--size", "96x72", "--backend", "cpu", "-q"];
+    success(&bulbfold(folder.path(), [&small[..], &["-o", "measured.png"]].concat()));
+    success(&bulbfold(folder.path(), [&small[..], &["--calibrate", "off", "-o", "plain.png"]].concat()));
+    let text = |of: &str| std::fs::read_to_string(folder.path().join(of).join("mandelbox_01.ron")).expect("written");
+    assert!(text("measured").contains("calibrated: true"), "{}", text("measured"));
+    assert!(!text("plain").contains("calibrated"), "{}", text("plain"));
+}
+
 #[test]
 fn steps_of_a_folder_go_with_the_files() {
     let step = "fn step(z, c, p) { z * p.by }\n#{ params: [#{ name: \"by\", type: \"float\", \"default\": 1.0, min: 0.95, max: 1.05 }], growth: \"linear\" }\n";
