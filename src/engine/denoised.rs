@@ -5,8 +5,9 @@ use std::ops::Range;
 
 use super::running::{Part, Piece};
 use super::{Backends, Done, Error, Job, Observer, Request, Sink, running};
-use crate::film::{Develop, Developer, GUIDES, Layers, Radiance, Rows, denoise};
+use crate::film::{GUIDES, Layers, Radiance, Rows, denoise};
 use crate::graph::Lens;
+use crate::render::{Developed, Role};
 
 /// Share of the progress that the paths take.
 const OF_PATHS: f64 = 0.9;
@@ -39,7 +40,7 @@ pub(super) fn render(
     let surfaces = job.with_request(job.formula.clone(), straight);
     running::render(backends, &surfaces, whole(), &mut guides, &mut part)?;
     denoise(size, &mut light.rgb, &guides.0, pixel_angle(job));
-    push(job, &light.rgb, rows, sink).map_err(Error::Sink)?;
+    push(&noisy, &light.rgb, rows, sink)?;
     Ok(done)
 }
 
@@ -53,17 +54,16 @@ fn pixel_angle(job: &Job) -> f32 {
 }
 
 /// Hands on rows of a picture, developed.
-fn push(job: &Job, light: &[f32], rows: Range<u32>, sink: &mut dyn Sink) -> io::Result<()> {
-    let film = job.formula.graph().scene.film;
-    let developer = Developer::new(Develop::of(&film, Develop::SOLID), false)?;
-    let width = job.size().width;
+fn push(job: &Job, light: &[f32], rows: Range<u32>, sink: &mut dyn Sink) -> Result<(), Error> {
+    let composed = job.composed()?;
+    let developed = Developed::new(&composed.arena, composed.pipeline.kernel(Role::Encode), job.precision)?;
+    let (width, pixels) = (job.size().width as usize, light.as_chunks().0);
     let most = sink.most_rows().unwrap_or(BAND).clamp(1, BAND);
     for top in rows.clone().step_by(most as usize) {
-        let place = |row: u32| 3 * row as usize * width as usize;
-        let radiance = light[place(top)..place((top + most).min(rows.end))].to_vec();
-        let bytes = developer.develop(&radiance, 255, (width, top))?;
-        let srgb = bytes.into_iter().map(|byte| byte as u8).collect();
-        sink.push(Rows { srgb, radiance, ..Rows::default() })?;
+        let end = (top + most).min(rows.end);
+        let pixels = &pixels[top as usize * width..end as usize * width];
+        let srgb = developed.bytes(pixels)?;
+        sink.push(Rows { srgb, radiance: pixels.as_flattened().to_vec(), ..Rows::default() }).map_err(Error::Sink)?;
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ use crate::kernel::{Backend, Kernel};
 use crate::math::Precision;
 
 /// Develops light, row by row.
-pub(crate) struct Developer {
+pub(super) struct Developer {
     cpu: Cpu,
     kernel: CpuKernel,
     /// Whether rounding is spread over neighbours.

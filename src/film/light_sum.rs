@@ -1,7 +1,9 @@
 //! Sums of light that are the same in whatever order their terms come.
 
 /// Bits behind the point.
-const FRACTION: i32 = 60;
+const FRACTION: u32 = 60;
+/// Steps of a light of 1.
+const STEPS: f64 = (1_u64 << FRACTION) as f64;
 /// Light from here on counts as without end: as many samples as there can be do not reach it together.
 const MOST: f64 = (1_u64 << 50) as f64;
 
@@ -26,7 +28,7 @@ fn fixed(x: f64) -> i128 {
         _ if x.is_nan() => NAN,
         _ if x >= MOST => ABOVE,
         _ if x <= -MOST => BELOW,
-        _ => (x * f64::from(FRACTION).exp2()).round() as i128,
+        _ => (x * STEPS).round() as i128,
     }
 }
 
@@ -35,7 +37,7 @@ fn float(x: i128) -> f64 {
         NAN => f64::NAN,
         BELOW => f64::NEG_INFINITY,
         ABOVE => f64::INFINITY,
-        _ => x as f64 * f64::from(-FRACTION).exp2(),
+        _ => x as f64 / STEPS,
     }
 }
 

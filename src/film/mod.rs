@@ -25,7 +25,6 @@ use std::path::Path;
 
 pub use self::denoise::{GUIDES, denoise};
 pub use self::develop::{Develop, compose_develop, compose_encoded};
-pub(crate) use self::encoded::Developer;
 pub use self::file::{Depth, Form, Format, PictureFile, Pictures};
 pub use self::flicker::{Flicker, Sight, flicker};
 pub use self::layers::{Layer, Layers, Radiance, Rows};
