@@ -8,21 +8,21 @@ use super::progress::Progress;
 use super::session::talk;
 
 /// An observer that talks on stderr.
-pub struct Watch<'a> {
+pub struct Terminal<'a> {
     session: &'a Session,
     quiet: bool,
     /// The stage that is shown.
     shown: Option<(Stage, Progress)>,
 }
 
-impl<'a> Watch<'a> {
+impl<'a> Terminal<'a> {
     /// Nothing is shown yet; `quiet` shows only warnings.
-    pub fn new(session: &'a Session, quiet: bool) -> Watch<'a> {
-        Watch { session, quiet, shown: None }
+    pub fn new(session: &'a Session, quiet: bool) -> Terminal<'a> {
+        Terminal { session, quiet, shown: None }
     }
 }
 
-impl Observer for Watch<'_> {
+impl Observer for Terminal<'_> {
     fn progress(&mut self, stage: Stage, share: f64) {
         let is_other = self.shown.as_ref().is_none_or(|(shown, _)| *shown != stage);
         if is_other {
@@ -47,7 +47,7 @@ impl Observer for Watch<'_> {
     }
 }
 
-impl Drop for Watch<'_> {
+impl Drop for Terminal<'_> {
     fn drop(&mut self) {
         if let Some((_, progress)) = &mut self.shown {
             progress.finish();

@@ -13,7 +13,7 @@ use bulbfold::graph::ValidGraph;
 use bulbfold::load::{Loaded, load, load_text};
 
 use super::backend::try_hardware;
-use super::observer::Watch;
+use super::observer::Terminal;
 use super::progress::Progress;
 use super::{Failure, message, usage};
 
@@ -112,13 +112,13 @@ impl Session {
     }
 
     /// What tells the user of work.
-    pub fn watch(&self) -> Watch<'_> {
-        Watch::new(self, self.quiet)
+    pub fn watch(&self) -> Terminal<'_> {
+        Terminal::new(self, self.quiet)
     }
 
     /// What tells the user of warnings alone.
-    pub fn hushed(&self) -> Watch<'_> {
-        Watch::new(self, true)
+    pub fn hushed(&self) -> Terminal<'_> {
+        Terminal::new(self, true)
     }
 
     /// The progress of work of many parts.

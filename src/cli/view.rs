@@ -13,7 +13,7 @@ use bulbfold::view::{PixelMarches, Shown, View, ViewKernels, find_truths, show};
 use clap::ValueEnum;
 use clap::builder::PossibleValue;
 
-use super::observer::Watch;
+use super::observer::Terminal;
 use super::session::talk;
 use super::stats::estimate_rows;
 use super::{Failure, Session};
@@ -77,7 +77,7 @@ fn walk(
     session: &Session,
     composer: &Composer,
     (pipeline, size): (&Pipeline, Size),
-    watch: &mut Watch,
+    watch: &mut Terminal,
 ) -> Result<Truths, Failure> {
     let truths = find_truths(composer, pipeline, size, &mut |share| watch.progress(Stage::Calibrating, share));
     truths.map_err(|error| session.failure(error))

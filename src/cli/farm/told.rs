@@ -3,13 +3,13 @@
 use bulbfold::diag::Diagnostic;
 use bulbfold::engine::{Observer, Stage};
 
-use crate::cli::observer::Watch;
+use crate::cli::observer::Terminal;
 use crate::cli::session::talk;
 use crate::cli::{Failure, Outcome, Session};
 
 /// An observer for people or, where it is asked for, for an engine.
 pub struct Told<'a> {
-    watch: Watch<'a>,
+    watch: Terminal<'a>,
     is_engine: bool,
     /// The last share that was told, in hundredths.
     told: Option<u32>,
