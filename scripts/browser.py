@@ -6,6 +6,7 @@ import os
 import select
 import shutil
 import subprocess
+import tempfile
 import time
 
 FLAGS = [
@@ -126,3 +127,21 @@ class Checks:
     def that(self, holds, text):
         print(f"{'ok  ' if holds else 'FAIL'}  {text}")
         self.failed += not holds
+
+
+def run(check, given=None):
+    """Calls `check` with a browser and its checks; the exit code: 0 when all hold, 1 when one fails, NO_CHROMIUM without a browser."""
+    path = chromium(given)
+    if not path:
+        print("no Chromium found; install the package chromium, or set CHROMIUM to its path")
+        return NO_CHROMIUM
+    checks = Checks()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        browser = Browser(path, profile)
+        try:
+            check(browser, checks)
+        except RuntimeError as error:
+            checks.that(False, str(error))
+        finally:
+            browser.close()
+    return 1 if checks.failed else 0

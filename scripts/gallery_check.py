@@ -14,9 +14,8 @@ import base64
 import json
 import pathlib
 import sys
-import tempfile
 
-from browser import NO_CHROMIUM, Browser, Checks, chromium
+from browser import run
 
 VISIBLE = "[...document.querySelectorAll('.card')].filter((c) => c.getBoundingClientRect().height > 0)"
 # Contrast after the Web Content Accessibility Guidelines; text is read against the nearest background that is opaque.
@@ -138,22 +137,9 @@ def main():
     parser.add_argument("--screenshots", type=pathlib.Path, help="folder for pictures of the page")
     parser.add_argument("--chromium", help="the browser's path [default: CHROMIUM, or a usual name]")
     options = parser.parse_args()
-    path = chromium(options.chromium)
-    if not path:
-        print("no Chromium found; install the package chromium, or set CHROMIUM to its path")
-        return NO_CHROMIUM
     if options.screenshots:
         options.screenshots.mkdir(parents=True, exist_ok=True)
-    checks = Checks()
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        browser = Browser(path, profile)
-        try:
-            check(browser, options.page, options, checks)
-        except RuntimeError as error:
-            checks.that(False, str(error))
-        finally:
-            browser.close()
-    return 1 if checks.failed else 0
+    return run(lambda browser, checks: check(browser, options.page, options, checks), options.chromium)
 
 
 if __name__ == "__main__":

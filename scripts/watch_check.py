@@ -13,10 +13,9 @@ import base64
 import json
 import pathlib
 import sys
-import tempfile
 import time
 
-from browser import NO_CHROMIUM, Browser, Checks, chromium
+from browser import run
 
 PATIENCE = 60.0
 
@@ -140,20 +139,7 @@ def main():
     parser.add_argument("--screenshot", type=pathlib.Path, help="a picture of the page")
     parser.add_argument("--chromium", help="the browser's path [default: CHROMIUM, or a usual name]")
     options = parser.parse_args()
-    path = chromium(options.chromium)
-    if not path:
-        print("no Chromium found; install the package chromium, or set CHROMIUM to its path")
-        return NO_CHROMIUM
-    checks = Checks()
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        browser = Browser(path, profile)
-        try:
-            check(browser, options.address, options.file, options, checks)
-        except RuntimeError as error:
-            checks.that(False, str(error))
-        finally:
-            browser.close()
-    return 1 if checks.failed else 0
+    return run(lambda browser, checks: check(browser, options.address, options.file, options, checks), options.chromium)
 
 
 if __name__ == "__main__":
