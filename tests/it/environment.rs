@@ -11,9 +11,10 @@ use bulbfold::expr::{Arena, Function, Port, Table, Type};
 use bulbfold::kernel::cpu::Cpu;
 use bulbfold::kernel::{Backend, Kernel};
 use bulbfold::math::Precision;
-use bulbfold::render::{PathTracing, Sampling};
+use bulbfold::render::Sampling;
 use bulbfold::shade::Size;
 
+use crate::paths::{ball, mean, paths};
 use crate::support::{bulbfold, folder, folder_with, pixels, stderr, success};
 
 /// A Radiance HDR file of texels with a common exponent.
@@ -44,21 +45,6 @@ fn radiance(folder: &Path, text: &str, edge: u32, change: impl Fn(Request) -> Re
 
 fn direct(request: Request) -> Request {
     request
-}
-
-fn paths(samples: u32) -> impl Fn(Request) -> Request {
-    move |request| Request { path: Some(PathTracing { samples, ..PathTracing::default() }), ..request }
-}
-
-fn ball(scene: &str) -> String {
-    format!(
-        "(nodes: {{\"ball\": Sphere(centre: (0, 0, 0), radius: 1.0)}}, output: \"ball\", bounding_radius: 1.1,
-          camera: (position: (0, -4, 0), fov: 30.0), {scene})"
-    )
-}
-
-fn mean(light: &[[f32; 3]]) -> f64 {
-    light.iter().flatten().map(|x| f64::from(*x)).sum::<f64>() / (3 * light.len()) as f64
 }
 
 #[test]

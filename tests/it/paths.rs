@@ -18,18 +18,21 @@ fn radiance(text: &str, (width, height): (u32, u32), change: impl Fn(Request) ->
     light.rgb.chunks_exact(3).map(|rgb| [rgb[0], rgb[1], rgb[2]]).collect()
 }
 
-fn paths(samples: u32) -> impl Fn(Request) -> Request {
+/// A request for so many paths a pixel.
+pub fn paths(samples: u32) -> impl Fn(Request) -> Request {
     move |request| Request { path: Some(PathTracing { samples, ..PathTracing::default() }), ..request }
 }
 
-fn ball(scene: &str) -> String {
+/// A ball of radius 1, seen from the front.
+pub fn ball(scene: &str) -> String {
     format!(
         "(nodes: {{\"ball\": Sphere(centre: (0, 0, 0), radius: 1.0)}}, output: \"ball\", bounding_radius: 1.1,
           camera: (position: (0, -4, 0), fov: 30.0), {scene})"
     )
 }
 
-fn mean(light: &[[f32; 3]]) -> f64 {
+/// The mean of all channels.
+pub fn mean(light: &[[f32; 3]]) -> f64 {
     light.iter().flatten().map(|x| f64::from(*x)).sum::<f64>() / (3 * light.len()) as f64
 }
 
